@@ -35,7 +35,8 @@ def accept(
     setup: Setup, course: Course = ROUND, rated: tuple[float, float] | None = None
 ) -> SimulatedDrive:
     """The drive after the run. Raises DriveFault if it trips and NotReached if it does not get
-    where it should: at a speed that is held the machine carries the load. rated: speed in r/min
+    where it should: at a speed that is held the machine carries the load; NotReached, too, if its
+    gates were commanded what could destroy a power stage. rated: speed in r/min
     and torque in N m; without them those that follow from the set-up (`Design`)."""
     values = parameters(setup)
     design = Design(setup, values.__getitem__)
@@ -50,6 +51,8 @@ def accept(
         sim.set("load_Nm", load_share * load_Nm)
         within = min(TOLERANCE, TOLERANCE_SLOW * abs(share)) if share else TOLERANCE
         _settle(sim, share * speed_rpm, within * speed_rpm, longest_s)
+    if sim.gate_mistake:
+        raise NotReached(sim.gate_mistake)
     sim.stop()
     return sim
 

@@ -7,6 +7,8 @@ import pytest
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies import arcs, commissioning, lost_phase, low_speed, transients
+from hexatorque.experiments.acceptance import accept
+from hexatorque.experiments.operating_points import NotReached
 
 MISTAKE = "a gate pulse of"
 
@@ -56,3 +58,12 @@ def test_a_short_pulse_fails_a_campaign(name, monkeypatch):
     monkeypatch.setattr(SimulatedDrive, "short_pulses", 1)
     lines = [line for line in failures(*of) if MISTAKE in line]
     assert len(lines) == 1
+
+
+def test_a_drive_with_a_short_pulse_is_not_accepted(monkeypatch):
+    """The campaign of machines judges by this run."""
+    setup, course = setups.load("small-2kw"), ((0.5, 0),)
+    assert accept(setup, course).state == "idle"
+    monkeypatch.setattr(SimulatedDrive, "short_pulses", 1)
+    with pytest.raises(NotReached, match=MISTAKE):
+        accept(setup, course)
