@@ -89,7 +89,7 @@ ht_alignment ht_alignment_step(const ht_alignment_config *cfg, ht_alignment_stat
     if (tick < st->end) {
         return HT_ALIGNING;
     }
-    if (st->swing <= (share(cfg->counts_rev, REST_TURNS) + 2u * cfg->pole_pairs)) {
+    if (st->swing <= (share(cfg->counts_rev, REST_TURNS) + 2u * (uint32_t)cfg->pole_pairs)) {
         return judged(cfg, st);
     }
     look(st, st->end + cfg->ticks / 4u);

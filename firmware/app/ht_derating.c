@@ -20,7 +20,7 @@
 #define RISING_SHARE 0.9f
 
 /* The same with magnets: the least that makes this torque. */
-static float least_A(const ht_magnet_config *m, const float *v)
+static float limit_of_magnets_A(const ht_magnet_config *m, const float *v)
 {
     ht_dq i = ht_magnet_least_A(m, v[HT_P_torque_limit_Nm]);
     return sqrtf(i.d * i.d + i.q * i.q);
@@ -63,7 +63,7 @@ void ht_derating_configure(const ht_params *p, const ht_observer_config *machine
     c->lean = sigma / (1.0f + sigma);
     c->best_Wb_A = c->ls_H * sqrtf(0.5f - c->lean + c->lean * c->lean) / (1.0f - c->lean);
     c->torque_gain = 3.0f * v[HT_P_pole_pairs];
-    c->limit_A = machine->magnets ? least_A(&machine->magnet, v) : limit_A(c, v);
+    c->limit_A = machine->magnets ? limit_of_magnets_A(&machine->magnet, v) : limit_A(c, v);
     configure_ripple(v, c);
 }
 
