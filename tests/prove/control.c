@@ -87,6 +87,25 @@ ht_estimate ht_observer_predict(const ht_observer_config *cfg, const ht_observer
     return any_estimate();
 }
 
+ht_estimate ht_observer_update_magnet(const ht_observer_config *cfg, ht_observer_state *st,
+                                      ht_ab v_V, ht_ab i_A, float turn_rad, ht_ab axis)
+{
+    return any_estimate();
+}
+
+ht_estimate ht_observer_predict_magnet(const ht_observer_config *cfg, const ht_observer_state *st,
+                                       ht_estimate now, ht_ab v_V, ht_ab i_A, ht_ab axis,
+                                       ht_ab *rotor_Wb)
+{
+    *rotor_Wb = any_ab();
+    return any_estimate();
+}
+
+ht_xy ht_magnet_emf_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s)
+{
+    return any_xy();
+}
+
 ht_xy ht_observer_predict_xy(const ht_observer_config *cfg, const ht_observer_state *st, ht_xy v_V,
                              ht_xy i_A)
 {
@@ -301,9 +320,10 @@ static bool is_same_pattern(const ht_applied *a, const ht_applied *b)
 
 /* What the observation leaves, as prove_control_observe shows it. */
 static void promise_observe(const ht_control_config *cfg, ht_control_state *st,
-                            const ht_control_input *in, ht_vsd i, bool lost)
+                            const ht_control_input *in, ht_vsd i, bool lost, bool magnets)
 {
     MUST(is_state(cfg, st));
+    MUST(!(lost && magnets));
     if (cfg->shadow) {
         st->active = st->next;
     }
@@ -312,6 +332,7 @@ static void promise_observe(const ht_control_config *cfg, ht_control_state *st,
     st->estimate = any_estimate();
     st->decided = any_estimate();
     st->psi_xy_Wb = any_xy();
+    st->rotor_Wb = any_ab();
     st->i_xy_A = any_xy();
     st->leg_loss.found = nondet_uint16();
     GIVEN(is_state(cfg, st));
@@ -371,14 +392,14 @@ void prove_control_observe(void)
     any_step(&cfg, &st, &in);
     active = st.active;
     next = st.next;
-    observe(&cfg, &st, &in, ht_vsd_from_six(&in.i_A), st.lost.axes != 0u);
+    observe(&cfg, &st, &in, ht_vsd_from_six(&in.i_A), st.lost.axes != 0u, nondet_bool());
     MUST(is_state(&cfg, &st));
     MUST(is_same_pattern(&st.active, cfg.shadow ? &next : &active));
     MUST(is_same_pattern(&st.next, &next));
 }
 
 /* `lost`: one leg or more. */
-static void step_of(ht_law law, bool shadow, bool lost)
+static void step_of(ht_law law, bool shadow, bool lost, bool magnets)
 {
     ht_control_config cfg;
     ht_control_state st;
@@ -388,6 +409,7 @@ static void step_of(ht_law law, bool shadow, bool lost)
     uint16_t before;
     cfg.law = law;
     cfg.shadow = shadow;
+    cfg.observer.magnets = magnets;
     any_step(&cfg, &st, &in);
     GIVEN(leg < 6u);
     if (lost) {
@@ -408,18 +430,18 @@ static void step_of(ht_law law, bool shadow, bool lost)
 
 void prove_control_table(void)
 {
-    step_of(HT_LAW_TABLE, nondet_bool(), false);
+    step_of(HT_LAW_TABLE, nondet_bool(), false, false);
 }
 
 /* A law that commands a voltage needs shadow load. */
 void prove_control_deadbeat(void)
 {
-    step_of(HT_LAW_DEADBEAT, true, false);
+    step_of(HT_LAW_DEADBEAT, true, false, false);
 }
 
 void prove_control_foc(void)
 {
-    step_of(HT_LAW_FOC, true, false);
+    step_of(HT_LAW_FOC, true, false, false);
 }
 
 /* The table law as well: it may be taken over in the interrupt that finds that it cannot. */
@@ -427,5 +449,13 @@ void prove_control_lost(void)
 {
     ht_law law = (ht_law)nondet_uint16();
     GIVEN((law == HT_LAW_TABLE) || (law == HT_LAW_DEADBEAT) || (law == HT_LAW_FOC));
-    step_of(law, true, true);
+    step_of(law, true, true, false);
+}
+
+void prove_control_magnets(void)
+{
+    bool shadow = nondet_bool();
+    ht_law law = (ht_law)nondet_uint16();
+    GIVEN((law == HT_LAW_TABLE) || (shadow && ((law == HT_LAW_DEADBEAT) || (law == HT_LAW_FOC))));
+    step_of(law, shadow, false, true);
 }

@@ -3,7 +3,7 @@
 #include "ht_store.c"
 #include "prove.h"
 
-#define BLOCKS 24u /* of an area: a set and some more */
+#define BLOCKS 28u /* of an area: a set and some more */
 
 #define BEFORE_THE_MARK ((uint16_t)(blocks_of(HT_PARAMS) - 1u))
 
