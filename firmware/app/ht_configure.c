@@ -25,6 +25,8 @@
 #define LOSS_WAIT_S 0.01f
 #define LOSS_SUM_SHARE 0.3f
 #define LOSS_ZERO_SHARE 0.25f
+/* L_xy that the check of the legs learns: mean. */
+#define LXY_S 0.3f
 /* What the sets' resistances differ by: of the means, of the result. */
 #define SETS_S 0.05f
 #define SETS_SLOW_S 0.2f
@@ -241,6 +243,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
         c->sets.slow_gain = 1.0f / (1.0f + SETS_SLOW_S * v[HT_P_f_slow_Hz]);
     }
     c->sets.least_A2 = c->control.leg_loss.zero_A * c->control.leg_loss.zero_A;
+    c->lxy_gain = 1.0f / (1.0f + LXY_S * v[HT_P_f_slow_Hz]);
     c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
     c->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
     c->adapt_gain = (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz]))

@@ -341,6 +341,7 @@ uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uin
     ht_leg_loss_reset(&st->leg_loss);
     st->leg_loss.more_ohm = more_ohm;
     st->leg_loss.without = off;
+    st->leg_loss.wait = cfg->leg_loss.wait; /* diodes carry what flowed in these legs */
     return off;
 }
 

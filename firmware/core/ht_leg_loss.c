@@ -34,6 +34,9 @@
 
 /* One L_xy explains the residual if this share of its square goes with the change of the current. */
 #define EXPLAINED 0.95f
+/* L_xy is learnt all the time if one that is 30 % wrong makes a residual of so many times the smallest
+ * limit, squared: twice the limit. */
+#define SHOWS 4.0f
 
 /* Where a leg's current flows during a period. */
 typedef enum { FLOWS_IN = -1, NO_FLOW = 0, FLOWS_OUT = 1 } way;
@@ -179,6 +182,22 @@ void ht_leg_loss_reset(ht_leg_loss_state *st)
     st->sum_V.y = 0.0f;
     st->more_ohm = 0.0f;
     st->learnt = false;
+    st->now_V = st->low_V;
+    st->change_A.x = 0.0f;
+    st->change_A.y = 0.0f;
+    st->slow = st->fit;
+}
+
+/* Take this much more for L_xy / Ts, if it is within HT_LEG_LOSS_MOST_FACTOR of the parameter. */
+static bool take(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, float more_ohm)
+{
+    float l = cfg->l_per_ts_ohm;
+    if (((l + more_ohm) < (HT_LEG_LOSS_MOST_FACTOR * l))
+        && ((HT_LEG_LOSS_MOST_FACTOR * (l + more_ohm)) > l)) { /* NaN is not */
+        st->more_ohm = more_ohm;
+        return true;
+    }
+    return false;
 }
 
 /* A wrong L_xy makes a residual in every period, along the change of the x-y current, in the same
@@ -187,15 +206,8 @@ static bool explained(const ht_leg_loss_config *cfg, ht_leg_loss_state *st)
 {
     const ht_leg_loss_fit *fit = &st->fit;
     float least_V2 = EXPLAINED * fit->residual_V2;
-    float l = cfg->l_per_ts_ohm;
-    float more_ohm = st->more_ohm - fit->both_VA / fit->change_A2;
-    if (((fit->both_VA * fit->both_VA) > (least_V2 * fit->change_A2))
-        && ((l + more_ohm) < (HT_LEG_LOSS_MOST_FACTOR * l))
-        && ((HT_LEG_LOSS_MOST_FACTOR * (l + more_ohm)) > l)) {
-        st->more_ohm = more_ohm;
-        return true;
-    }
-    return false;
+    return ((fit->both_VA * fit->both_VA) > (least_V2 * fit->change_A2))
+           && take(cfg, st, st->more_ohm - fit->both_VA / fit->change_A2);
 }
 
 /* The low pass of the residual is large: `clear2` is its square over that of its limit. The residual
@@ -259,6 +271,9 @@ void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
     float size2;
     float limit2;
     float least2;
+    st->now_V.x = x;
+    st->now_V.y = y;
+    st->change_A = change;
     st->low_V.x += cfg->gain * (x - st->low_V.x);
     st->low_V.y += cfg->gain * (y - st->low_V.y);
     st->low_V2 += cfg->gain * ((x * x + y * y) - st->low_V2);
@@ -281,6 +296,26 @@ void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
     } else {
         st->count = 0u;
         st->learnt = false;
+    }
+}
+
+void ht_leg_loss_learn(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, float gain)
+{
+    ht_leg_loss_fit *fit = &st->slow;
+    ht_xy v = st->now_V;
+    ht_xy i = st->change_A;
+    float shows_ohm = HT_LEG_LOSS_TOLERANCE * cfg->l_per_ts_ohm;
+    /* What the period would have left of its residual without what is learnt. */
+    float both_VA = v.x * i.x + v.y * i.y;
+    float change_A2 = i.x * i.x + i.y * i.y;
+    if ((st->count != 0u) || (st->without != 0u)) {
+        return;
+    }
+    both_VA -= st->more_ohm * change_A2;
+    fit->both_VA += gain * (both_VA - fit->both_VA);
+    fit->change_A2 += gain * (change_A2 - fit->change_A2);
+    if (shows_ohm * shows_ohm * fit->change_A2 > SHOWS * cfg->least_V2) {
+        (void)take(cfg, st, -fit->both_VA / fit->change_A2);
     }
 }
 

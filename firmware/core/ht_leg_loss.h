@@ -77,6 +77,10 @@ typedef struct {
     ht_leg_loss_fit fit;
     float more_ohm; /**< learnt: what L_xy / Ts has beyond the configured one */
     bool learnt;    /**< since the residual became large */
+    ht_xy now_V;    /**< residual of the latest period, for the slow interrupt */
+    ht_xy change_A; /**< and what the x-y current changed by in it */
+    ht_leg_loss_fit
+        slow; /**< of the latest periods of slow interrupts in which nothing was suspected */
 } ht_leg_loss_state;
 
 /** What was found. */
@@ -110,6 +114,11 @@ void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
  *  the seventh, which the low pass attenuates. */
 void ht_leg_loss_tolerate(ht_leg_loss_state *st, float rs_ohm, float lxy_H, float omega_rad_s);
 #define HT_LEG_LOSS_TOLERANCE 0.3f
+
+/** For the slow interrupt: learn L_xy from its latest period, while no leg is suspected and the x-y
+ *  currents change so much that an L_xy 30 % wrong would show. Where they are regulated they do not, and
+ *  nothing needs to be learnt. `gain`: of the means, per slow interrupt. */
+void ht_leg_loss_learn(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, float gain);
 
 /** For the slow interrupt: whether evidence is being gathered, or the residual is beyond 0.4 of its
  *  limit. Then a leg may be lost whose arc is too small to be found while it burns. Never while the
