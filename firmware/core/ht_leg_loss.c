@@ -37,6 +37,8 @@
 /* L_xy is learnt all the time if one that is 30 % wrong makes a residual of so many times the smallest
  * limit, squared: twice the limit. */
 #define SHOWS 4.0f
+/* A period whose residual is beyond so many times the usual one, squared, may be a lost leg's. */
+#define UNUSUAL 4.0f
 
 /* Where a leg's current flows during a period. */
 typedef enum { FLOWS_IN = -1, NO_FLOW = 0, FLOWS_OUT = 1 } way;
@@ -304,17 +306,22 @@ void ht_leg_loss_learn(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, flo
     ht_leg_loss_fit *fit = &st->slow;
     ht_xy v = st->now_V;
     ht_xy i = st->change_A;
-    float shows_ohm = HT_LEG_LOSS_TOLERANCE * cfg->l_per_ts_ohm;
-    /* What the period would have left of its residual without what is learnt. */
-    float both_VA = v.x * i.x + v.y * i.y;
+    float residual_V2 = v.x * v.x + v.y * v.y;
+    float most_V2 = UNUSUAL * fit->residual_V2 + cfg->least_V2;
     float change_A2 = i.x * i.x + i.y * i.y;
+    float shows_ohm = HT_LEG_LOSS_TOLERANCE * cfg->l_per_ts_ohm;
+    bool usual = residual_V2 < most_V2; /* NaN is not */
     if ((st->count != 0u) || (st->without != 0u)) {
         return;
     }
-    both_VA -= st->more_ohm * change_A2;
-    fit->both_VA += gain * (both_VA - fit->both_VA);
+    fit->residual_V2 += gain * ((usual ? residual_V2 : most_V2) - fit->residual_V2);
+    if (!usual) {
+        return;
+    }
+    /* The residual as it would be if nothing had been learnt. */
+    fit->both_VA += gain * ((v.x * i.x + v.y * i.y - st->more_ohm * change_A2) - fit->both_VA);
     fit->change_A2 += gain * (change_A2 - fit->change_A2);
-    if (shows_ohm * shows_ohm * fit->change_A2 > SHOWS * cfg->least_V2) {
+    if ((shows_ohm * shows_ohm * fit->change_A2) > (SHOWS * cfg->least_V2)) {
         (void)take(cfg, st, -fit->both_VA / fit->change_A2);
     }
 }

@@ -115,9 +115,10 @@ void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
 void ht_leg_loss_tolerate(ht_leg_loss_state *st, float rs_ohm, float lxy_H, float omega_rad_s);
 #define HT_LEG_LOSS_TOLERANCE 0.3f
 
-/** For the slow interrupt: learn L_xy from its latest period, while no leg is suspected and the x-y
- *  currents change so much that an L_xy 30 % wrong would show. Where they are regulated they do not, and
- *  nothing needs to be learnt. `gain`: of the means, per slow interrupt. */
+/** For the slow interrupt: learn L_xy from its latest period, while no leg is suspected, the residual is
+ *  not unusually large, and the x-y currents change so much that an L_xy 30 % wrong would show. Where
+ *  they are regulated they do not, and nothing needs to be learnt. `gain`: of the means, per slow
+ *  interrupt. */
 void ht_leg_loss_learn(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, float gain);
 
 /** For the slow interrupt: whether evidence is being gathered, or the residual is beyond 0.4 of its

@@ -614,3 +614,65 @@ def test_without_a_leg_nothing_is_learnt():
     watch.state.without = 32
     assert changing(watch, changes(), 0.6) is not None
     assert watch.state.more_ohm == 0
+
+
+def learnt_slowly(share, amplitude=60.0, seconds=2.0, every=100, error=None, **state):
+    """L_xy that is learnt over the true one, by a watch that takes `share` of the true one, from
+    the periods of slow interrupts."""
+    rng = np.random.default_rng(7)
+    watch = Watch(lxy_H=share * L)
+    for name, value in state.items():
+        setattr(watch.state, name, value)
+    for n in range(round(seconds / TS)):
+        watch.step(commands(rng, amplitude), error)
+        if n % every == 0:
+            lib.ht_leg_loss_learn(watch.cfg, watch.state, 0.05)
+    return share + watch.state.more_ohm * TS / L
+
+
+def no_error():
+    return np.zeros(6)
+
+
+@pytest.mark.parametrize("share", (0.6, 0.8, 1.0, 1.2, 1.5))
+def test_an_inductance_that_shows_all_the_time_is_learnt_in_the_slow_interrupt(share):
+    """x-y voltages of some 35 V, as a table without regulator makes them, at 10 A/ms."""
+    found = learnt_slowly(share, 200.0, error=no_error())
+    assert found == pytest.approx(EXACT, rel=0.03)
+
+
+def test_where_the_xy_current_hardly_changes_nothing_is_learnt():
+    """30 % of L_xy times this change is below twice the smallest limit."""
+    assert learnt_slowly(1.3, 10.0, error=no_error()) == 1.3
+
+
+@pytest.mark.parametrize("share", (0.2, 3.0))
+def test_the_slow_interrupt_learns_no_inductance_that_no_machine_has(share):
+    assert learnt_slowly(share, 200.0, error=no_error()) == share
+
+
+def test_the_slow_interrupt_learns_nothing_without_a_leg():
+    assert learnt_slowly(1.3, 200.0, error=no_error(), without=32) == 1.3
+
+
+def test_while_a_leg_is_suspected_or_the_residual_is_unusual_the_slow_interrupt_learns_nothing():
+    watch = Watch(lxy_H=1.3 * L)
+    watch.state.now_V, watch.state.change_A = {"x": -3.0, "y": 0.0}, {"x": 1.0, "y": 0.0}
+    watch.state.count = 1
+    lib.ht_leg_loss_learn(watch.cfg, watch.state, 0.5)
+    assert watch.state.more_ohm == 0
+    watch.state.count = 0
+    lib.ht_leg_loss_learn(watch.cfg, watch.state, 0.5)
+    assert watch.state.more_ohm == pytest.approx(3.0)
+    # Beyond the smallest limit and twice the usual residual.
+    watch.state.now_V = {"x": -2.0 * 3.0 - LEAST_V, "y": 0.0}
+    lib.ht_leg_loss_learn(watch.cfg, watch.state, 0.5)
+    assert watch.state.more_ohm == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("bad", (np.nan, np.inf, -np.inf))
+def test_the_slow_interrupt_learns_nothing_from_what_is_not_finite(bad):
+    watch = Watch()
+    watch.state.now_V, watch.state.change_A = {"x": bad, "y": 0.0}, {"x": 1.0, "y": 1.0}
+    lib.ht_leg_loss_learn(watch.cfg, watch.state, 0.5)
+    assert watch.state.more_ohm == 0
