@@ -399,7 +399,7 @@ void prove_control_observe(void)
 }
 
 /* `lost`: one leg or more. */
-static void step_of(ht_law law, bool shadow, bool lost, bool magnets)
+static void step_of(ht_law law, bool shadow, bool lost)
 {
     ht_control_config cfg;
     ht_control_state st;
@@ -409,7 +409,7 @@ static void step_of(ht_law law, bool shadow, bool lost, bool magnets)
     uint16_t before;
     cfg.law = law;
     cfg.shadow = shadow;
-    cfg.observer.magnets = magnets;
+    cfg.observer.magnets = false;
     any_step(&cfg, &st, &in);
     GIVEN(leg < 6u);
     if (lost) {
@@ -430,18 +430,18 @@ static void step_of(ht_law law, bool shadow, bool lost, bool magnets)
 
 void prove_control_table(void)
 {
-    step_of(HT_LAW_TABLE, nondet_bool(), false, false);
+    step_of(HT_LAW_TABLE, nondet_bool(), false);
 }
 
 /* A law that commands a voltage needs shadow load. */
 void prove_control_deadbeat(void)
 {
-    step_of(HT_LAW_DEADBEAT, true, false, false);
+    step_of(HT_LAW_DEADBEAT, true, false);
 }
 
 void prove_control_foc(void)
 {
-    step_of(HT_LAW_FOC, true, false, false);
+    step_of(HT_LAW_FOC, true, false);
 }
 
 /* The table law as well: it may be taken over in the interrupt that finds that it cannot. */
@@ -449,13 +449,5 @@ void prove_control_lost(void)
 {
     ht_law law = (ht_law)nondet_uint16();
     GIVEN((law == HT_LAW_TABLE) || (law == HT_LAW_DEADBEAT) || (law == HT_LAW_FOC));
-    step_of(law, true, true, false);
-}
-
-void prove_control_magnets(void)
-{
-    bool shadow = nondet_bool();
-    ht_law law = (ht_law)nondet_uint16();
-    GIVEN((law == HT_LAW_TABLE) || (shadow && ((law == HT_LAW_DEADBEAT) || (law == HT_LAW_FOC))));
-    step_of(law, shadow, false, true);
+    step_of(law, true, true);
 }
