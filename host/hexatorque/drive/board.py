@@ -233,7 +233,7 @@ class BoardDrive(DriveVerbs):
 
     def set_many(self, values: Mapping[str, object]) -> None:
         """Write several parameters. The board takes over all of them in one fast interrupt, or
-        none if it refuses one. The error is a LinkError; if a name or a value is wrong it is an
+        none if it refuses one. Of more than a request holds, those are written that change. The error is a LinkError; if a name or a value is wrong it is an
         InputError too, and names the nearest parameter or the allowed range."""
         values = {parameter_name(name): value for name, value in pairs(values).items()}
         if not values:
@@ -248,15 +248,21 @@ class BoardDrive(DriveVerbs):
             if name in PLANT:
                 raise LinkInputError(f"{name}: belongs to the test bench, a board cannot set it")
         rows = [self._parameter(name) for name in values]
-        if len(rows) > wire.WRITE_MOST:
-            raise LinkError(
-                f"{len(rows)} parameters at once: up to {wire.WRITE_MOST}", mistake=True
-            )
         try:
             numbers = [row.parse(value) for row, value in zip(rows, values.values())]
         except FirmwareError as error:
             raise LinkInputError(str(error)) from None
         wanted = np.array(numbers, np.float32)
+        if len(rows) > wire.WRITE_MOST:  # those that are in force already need not be written
+            present = self.get_many([row.name for row in rows])
+            other = [np.float32(r.parse(present[r.name])) != v for r, v in zip(rows, wanted)]
+            rows, wanted = [row for row, o in zip(rows, other) if o], wanted[other]
+            if not rows:
+                return
+            if len(rows) > wire.WRITE_MOST:
+                raise LinkError(
+                    f"{len(rows)} parameters at once: up to {wire.WRITE_MOST}", mistake=True
+                )
         payload = b"".join(struct.pack("<Hf", row.id, number) for row, number in zip(rows, wanted))
         reply = self.client.ask(Op.WRITE, payload)
         if reply.status != Status.DONE:
