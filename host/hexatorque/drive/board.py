@@ -233,8 +233,9 @@ class BoardDrive(DriveVerbs):
 
     def set_many(self, values: Mapping[str, object]) -> None:
         """Write several parameters. The board takes over all of them in one fast interrupt, or
-        none if it refuses one. Of more than a request holds, those are written that change. The error is a LinkError; if a name or a value is wrong it is an
-        InputError too, and names the nearest parameter or the allowed range."""
+        none if it refuses one. Of more than a request holds, those are written that change. The
+        error is a LinkError; if a name or a value is wrong it is an InputError too, and names the
+        nearest parameter or the allowed range."""
         values = {parameter_name(name): value for name, value in pairs(values).items()}
         if not values:
             return
