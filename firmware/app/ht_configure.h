@@ -26,7 +26,7 @@ typedef struct {
     ht_speed_measure_config measure;
     ht_flux_config flux;
     float omega_mean_gain;
-    float lxy_gain; /**< of L_xy that the check of the legs learns, per slow interrupt */
+    float lxy_gain;        /**< of L_xy that the check of the legs learns, per slow interrupt */
     float pull_out_Nm_Wb2; /**< torque limit per flux squared */
     ht_derating_config derating;
     ht_set_difference_config sets;
