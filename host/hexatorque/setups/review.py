@@ -350,17 +350,43 @@ def _fits(d: Design) -> Iterator[Finding]:
     )  # fmt: skip
 
 
+MORE_RANGE = "give the sensors more range (sensors.i_full_A)"
+
+
+def _currents_of_torque(d: Design, step_A: float) -> Iterator[Finding]:
+    """Of rated torque and of the torque limit. step_A: what a period adds."""
+    trip_A, rated_A = d.parameter("i_trip_A"), d.current_A(d.rated_Nm)
+    yield at_most("current at rated torque", rated_A, 0.8 * trip_A, "A", MORE_RANGE)
+    yield at_most(
+        "current at rated torque against rated current", rated_A, 1.2 * d.rated_A, "A",
+        "lower rated.torque_Nm, or correct rated.current_A (an rms value)", "note",
+    )  # fmt: skip
+    yield at_most(
+        "current at the torque limit, with ripple",
+        d.current_A(d.parameter("torque_limit_Nm")) + step_A, trip_A, "A",
+        f"lower controller.torque_limit_Nm, raise controller.f_isr_Hz, or {MORE_RANGE}", "note",
+    )  # fmt: skip
+
+
+def _step_of_converter(d: Design, limit_A: float) -> Finding:
+    """Bad beyond five times the limit."""
+    quantum_A = 2 * d.setup["sensors.i_full_A"] / 2 ** d.setup["sensors.adc_bits"]
+    return graded(
+        "step of the current's converter", quantum_A, limit_A, 5 * limit_A, "A",
+        "take sensors of less range, or a converter of more bits",
+    )  # fmt: skip
+
+
 def _currents(d: Design) -> Iterator[Finding]:
     p = d.parameter
     trip_A, no_load_A = p("i_trip_A"), d.no_load_A
-    more_range = "give the sensors more range (sensors.i_full_A)"
     yield at_most(
         "no-load current", no_load_A, 0.6 * trip_A, "A",
-        f"lower controller.flux_ref_Wb, or {more_range}",
+        f"lower controller.flux_ref_Wb, or {MORE_RANGE}",
     )  # fmt: skip
     yield at_least(
         "build-up current", p("build_current_A"), 1.1 * no_load_A, "A",
-        f"this one does not magnetise the machine: lower controller.flux_ref_Wb, or {more_range}"
+        f"this one does not magnetise the machine: lower controller.flux_ref_Wb, or {MORE_RANGE}"
         if p("build_current_A") >= 0.5 * trip_A
         else "raise controller.build_current_A: this one does not magnetise the machine",
     )  # fmt: skip
@@ -368,7 +394,7 @@ def _currents(d: Design) -> Iterator[Finding]:
     step_A = d.flux_step_Wb(d.period_s) / d.machine.least_H
     yield at_most(
         "build-up current and its ripple", p("build_current_A") + step_A, trip_A, "A",
-        f"lower controller.build_current_A, or {more_range}",
+        f"lower controller.build_current_A, or {MORE_RANGE}",
     )  # fmt: skip
     needed_s = d.magnetised_s(p("build_current_A"))
     yield at_least(
@@ -376,17 +402,7 @@ def _currents(d: Design) -> Iterator[Finding]:
         f"raise controller.build_s: L_r/R_r is {d.rotor_s:.3g} s",
         "note" if p("build_s") > needed_s / 3 else "bad",
     )  # fmt: skip
-    rated_A = d.current_A(d.rated_Nm)
-    yield at_most("current at rated torque", rated_A, 0.8 * trip_A, "A", more_range)
-    yield at_most(
-        "current at rated torque against rated current", rated_A, 1.2 * d.rated_A, "A",
-        "lower rated.torque_Nm, or correct rated.current_A (an rms value)", "note",
-    )  # fmt: skip
-    yield at_most(
-        "current at the torque limit, with ripple",
-        d.current_A(p("torque_limit_Nm")) + step_A, trip_A, "A",
-        f"lower controller.torque_limit_Nm, raise controller.f_isr_Hz, or {more_range}", "note",
-    )  # fmt: skip
+    yield from _currents_of_torque(d, step_A)
     yield at_most(
         "torque limit against pull-out", p("torque_limit_Nm"), PULL_OUT_SHARE * d.pull_out_Nm,
         "N m", "the firmware stays below 80 % of pull-out: lower controller.torque_limit_Nm",
@@ -397,15 +413,11 @@ def _currents(d: Design) -> Iterator[Finding]:
         "this flux gives no more: raise inverter.vdc_V, state rated.flux_Wb, or lower "
         "rated.torque_Nm"
         if d.rated_Nm > PULL_OUT_SHARE * d.pull_out_Nm
-        else more_range
+        else MORE_RANGE
         if d.current_A(d.rated_Nm) > 0.8 * trip_A
         else "raise controller.torque_limit_Nm",
     )  # fmt: skip
-    quantum_A = 2 * d.setup["sensors.i_full_A"] / 2 ** d.setup["sensors.adc_bits"]
-    yield graded(
-        "step of the current's converter", quantum_A, 0.03 * no_load_A, 0.15 * no_load_A, "A",
-        "take sensors of less range, or a converter of more bits",
-    )  # fmt: skip
+    yield _step_of_converter(d, 0.03 * no_load_A)
     yield at_least(
         "flux_check against the current's ripple, in no-load currents",
         p("flux_check") if p("flux_check") > 0 else math.inf, d.ripple, "",
@@ -439,11 +451,10 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
 
 def _currents_of_magnets(d: Design) -> Iterator[Finding]:
     p, trip_A = d.parameter, d.parameter("i_trip_A")
-    more_range = "give the sensors more range (sensors.i_full_A)"
     step_A = d.flux_step_Wb(d.period_s) / d.machine.least_H
     yield at_most(
         "current that aligns the rotor, and its ripple", p("build_current_A") + step_A, trip_A,
-        "A", f"lower controller.build_current_A, or {more_range}",
+        "A", f"lower controller.build_current_A, or {MORE_RANGE}",
     )  # fmt: skip
     swing_s = 2 * math.pi / d.machine.swing_rad_s(p("build_current_A"))
     yield at_least(
@@ -452,25 +463,12 @@ def _currents_of_magnets(d: Design) -> Iterator[Finding]:
     )  # fmt: skip
     yield _told("losses of the windings at rated torque, about", d.copper_W(d.rated_Nm), "W")
     rated_A = d.current_A(d.rated_Nm)
-    yield at_most("current at rated torque", rated_A, 0.8 * trip_A, "A", more_range)
-    yield at_most(
-        "current at rated torque against rated current", rated_A, 1.2 * d.rated_A, "A",
-        "lower rated.torque_Nm, or correct rated.current_A (an rms value)", "note",
-    )  # fmt: skip
-    yield at_most(
-        "current at the torque limit, with ripple",
-        d.current_A(p("torque_limit_Nm")) + step_A, trip_A, "A",
-        f"lower controller.torque_limit_Nm, raise controller.f_isr_Hz, or {more_range}", "note",
-    )  # fmt: skip
+    yield from _currents_of_torque(d, step_A)
     yield at_least(
         "torque limit against rated torque", p("torque_limit_Nm"), d.rated_Nm, "N m",
-        more_range if rated_A > 0.8 * trip_A else "raise controller.torque_limit_Nm",
+        MORE_RANGE if rated_A > 0.8 * trip_A else "raise controller.torque_limit_Nm",
     )  # fmt: skip
-    quantum_A = 2 * d.setup["sensors.i_full_A"] / 2 ** d.setup["sensors.adc_bits"]
-    yield graded(
-        "step of the current's converter", quantum_A, 0.01 * rated_A, 0.05 * rated_A, "A",
-        "take sensors of less range, or a converter of more bits",
-    )  # fmt: skip
+    yield _step_of_converter(d, 0.01 * rated_A)
     pull_rad_s = 2 * math.pi * p("crossover_Hz")
     yield at_most(
         "flux that a resistance 30 % wrong moves, in psi_f",

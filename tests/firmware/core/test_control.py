@@ -780,6 +780,14 @@ def test_what_is_learnt_of_the_inductance_stays_without_a_leg_until_the_next_sta
     assert drive.state.leg_loss.more_ohm == 0.0
 
 
+def test_legs_that_were_just_switched_off_are_no_other_loss():
+    """Their diodes carry on what flowed. The check waits for as long as after a wrong sensor."""
+    drive = Drive(config())
+    drive.cfg.leg_loss.wait = 100
+    assert lib.ht_control_lose(drive.cfg, drive.state, 0b010000, 0.0)
+    assert drive.state.leg_loss.wait == 100
+
+
 def test_without_a_leg_the_decision_counts_on_what_the_rotor_induces():
     """u2 is lost and no leg makes a voltage. The terminal of u2 follows the machine: along its axis
     this depends on the rotor's flux, here seen from the stator and in both components."""
