@@ -5,10 +5,10 @@
 #define ALONG 0u
 /* Share of the time for which the rotor is pulled aside. */
 #define ASIDE_SHARE 0.4f
-/* At rest: it moves by less than this in a quarter of the time, electrical turns. 1.5 degrees. */
+/* A rotor that moves by less than 1.5 degrees in a quarter of the time is at rest. */
 #define REST_TURNS (1.0f / 240.0f)
-/* So far a rotor that is known may be from where it is pulled, and a rotor that was pulled aside from
- * where that was: 15 degrees, and as much again for friction. */
+/* Largest distance of a rotor at rest from the angle it was pulled to, electrical turns. A known angle
+ * is up to 15 degrees from the nearest direction; friction may leave as much again. */
 #define NEAR_TURNS (1.0f / 12.0f)
 
 static uint32_t share(uint32_t whole, float part)
@@ -59,7 +59,7 @@ void ht_alignment_begin(const ht_alignment_config *cfg, ht_alignment_state *st)
     look(st, cfg->ticks);
 }
 
-/* At rest. Is the rotor where it should be? */
+/* For a rotor at rest: is it where it should be? */
 static ht_alignment judged(const ht_alignment_config *cfg, ht_alignment_state *st)
 {
     uint32_t near = share(cfg->counts_rev, NEAR_TURNS);

@@ -3,9 +3,9 @@
  *
  *  "align": direct current pulls the d axis to 105 degrees, then to 15 degrees. So a rotor that stood
  *  exactly against the current at first is pulled all the same, and the encoder must show a quarter of
- *  an electrical turn backwards. "known": the encoder's count tells the angle, and direct current in
- *  the nearest of twelve directions must not move the rotor further than that is away. Either way the
- *  shaft must have come to rest: it swings for a while.
+ *  an electrical turn backwards. "known": the encoder's count tells the angle. Direct current pulls the
+ *  rotor to the nearest of twelve directions, where the count must show it within 30 degrees. Either
+ *  way the rotor swings for a while, and the drive waits until it rests.
  */
 #ifndef HT_ALIGNMENT_H
 #define HT_ALIGNMENT_H

@@ -34,8 +34,8 @@
 
 /* One L_xy explains the residual if this share of its square goes with the change of the current. */
 #define EXPLAINED 0.95f
-/* L_xy is learnt all the time if one that is 30 % wrong makes a residual of so many times the smallest
- * limit, squared: twice the limit. */
+/* L_xy is learnt all the time if an error of 30 % makes a residual of twice the smallest limit. This is
+ * the square of it. */
 #define SHOWS 4.0f
 /* A period whose residual is beyond so many times the usual one, squared, may be a lost leg's. */
 #define UNUSUAL 4.0f
