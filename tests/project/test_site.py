@@ -112,7 +112,9 @@ def test_equations():
         drawn(r"\begin{aligned} a &= b \end{aligned}")
     found = 0
     for path in (ROOT / "docs").glob("*.md"):
-        for block in re.findall(r"^```math\n(.*?)^```", path.read_text(), re.S | re.M):
+        text = path.read_text()
+        assert "$$" not in text, f"{path.name}: write an equation as a ```math block"
+        for block in re.findall(r"^```math\n(.*?)^```", text, re.S | re.M):
             found += 1
             drawn(block)
     assert found >= 7
