@@ -131,6 +131,19 @@ def test_every_key_of_a_setup_has_a_value():
     assert "machine.rs_ohm" in PAPER_B and "rs_ohm" not in PAPER_B and 3 not in PAPER_B
 
 
+def test_a_setup_has_the_keys_of_its_own_model_of_machine():
+    magnet = setups.load("magnet-interior")
+    own = {"machine.psi_f_Wb", "machine.ld_H", "machine.lq_H"}
+    others = {"machine.rr_ohm", "machine.lm_H", "machine.psi_knee_Wb"}
+    assert own <= set(magnet) and not others & set(magnet)
+    assert others <= set(PAPER_B) and not own & set(PAPER_B)
+    assert all(magnet[path] is not None for path in magnet)
+    assert "machine.ld_H" in magnet and "machine.ld_H" not in PAPER_B
+    for setup, path in ((PAPER_B, "machine.ld_H"), (magnet, "machine.lm_H")):
+        with pytest.raises(InputError, match=f"^{path}: the model .* has no such value$"):
+            setup[path]
+
+
 def test_a_setup_is_shown_in_a_line():
     assert repr(PAPER_B).startswith("<Setup paper-b: Paper B") and len(repr(PAPER_B)) < 150
 

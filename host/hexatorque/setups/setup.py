@@ -49,6 +49,8 @@ class Setup:
             if key in self.values[section]:
                 return self.values[section][key].value
             spec = KEYS[section][key]
+            if section == "machine" and key != MODEL and key not in self._machine_keys():
+                raise SetupError(foreign((key,), self["machine.model"])[0])
             return self[f"{section}.{spec.follows}"] if spec.follows else spec.default
         if section == paths.CONTROLLER and key in paths.TIMING_OWNS:
             return self.parameter(key)
@@ -56,11 +58,12 @@ class Setup:
         return self.parameter(key) if section == paths.CONTROLLER else getattr(self.profile, key)
 
     def __iter__(self) -> Iterator[str]:
-        """All keys, `section.key`."""
-        return paths.every()
+        """All keys, `section.key`, that a set-up with this model of machine has."""
+        own = {f"machine.{key}" for key in self._machine_keys()}
+        return (p for p in paths.every() if p in own or not p.startswith("machine."))
 
     def __contains__(self, path: object) -> bool:
-        return any(path == one for one in paths.every())
+        return any(path == one for one in self)
 
     def changed(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> Setup:
         """A copy with other values: `changed({"controller.scheme": "ddr", "machine.rs_ohm": 2})`,
@@ -127,9 +130,13 @@ class Setup:
     def machine_values(self) -> dict[str, Any]:
         """The parameters of the machine's model, by their keys: numbers, and six numbers each of
         those per phase."""
-        known = constants_of(self["machine.model"])
-        values = {key: self[f"machine.{key}"] for key in KEYS["machine"] if key in known}
+        values = {key: self[f"machine.{key}"] for key in self._machine_keys() if key != MODEL}
         return {**values, "leads": tuple(map(int, values["leads"]))}
+
+    def _machine_keys(self) -> list[str]:
+        """The keys of [machine] that the machine's model has."""
+        known = constants_of(self["machine.model"]) | {MODEL}
+        return [key for key in KEYS["machine"] if key in known]
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """Plain values, [section][key], for a recording's metadata. The dictionaries are the
@@ -138,8 +145,12 @@ class Setup:
 
     @cached_property
     def _summary(self) -> dict[str, dict[str, Any]]:
-        plain = {s: {k: self[f"{s}.{k}"] for k in keys} for s, keys in KEYS.items()}
-        plain["machine"] = {MODEL: self["machine.model"], **self.machine_values()}
+        plain: dict[str, dict[str, Any]] = {section: {} for section in KEYS}
+        for path in self:
+            section, key = path.split(".")
+            if section in KEYS:
+                plain[section][key] = self[path]
+        plain["machine"] |= self.machine_values()
         plain["controller"] = self.controller_values()
         return plain
 
@@ -154,7 +165,7 @@ def inconsistent(setup: Setup) -> list[str]:
         if min(setup[f"machine.{added}"]) + setup[f"machine.{to}"] <= 0:
             lines.append(f"machine.{added}: {to} plus its change must stay above 0")
     for path, (zero, least) in ZERO_OR_AT_LEAST.items():
-        if 0 < setup[path] < least:
+        if path in setup and 0 < setup[path] < least:
             section, key = path.split(".")
             lines.append(
                 f"{path} = {setup[path]:g}: allowed is 0 ({zero}) "
@@ -182,7 +193,7 @@ def describe(setup: Setup) -> dict[str, dict[str, dict[str, Any]]]:
     for section, keys in KEYS.items():
         described[section] = {}
         for key, spec in keys.items():
-            if section == "machine" and key not in (MODEL, *constants_of(setup["machine.model"])):
+            if f"{section}.{key}" not in setup:
                 continue
             left_open = Value(setup[f"{section}.{key}"], "derived" if spec.follows else "default")
             given = setup.values[section].get(key, left_open)
