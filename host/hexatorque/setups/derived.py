@@ -48,6 +48,8 @@ ASKED_OF_PULL_OUT = 0.5
 LIMIT_PER_RATED = 1.5
 #: By this share of rated speed the shaft may run away when the rated load drops.
 RUNAWAY = 0.3
+#: The stator resistance in use may be so far off, where the speed does not let it adapt.
+RESISTANCE_OFF = 0.15
 #: Low pass of the lost leg's residual.
 LEAST_SAMPLES = number_of("core/ht_voltage_law.h", "HT_LEAST_SAMPLES")
 LOSS_FILTER_S = number_of("core/ht_leg_loss.h", "HT_LEG_LOSS_FILTER_S")
@@ -221,6 +223,11 @@ def _crossover_Hz(k: Known) -> float:
     return min(max(2.0, 3 * error_Hz * k.ripple), 10.0)
 
 
+def _flux_check(k: Known) -> float:
+    moved_Wb_s = RESISTANCE_OFF * k["rs_ohm"] * k.current_A(k["torque_limit_Nm"])
+    return min(max(0.7, 1.5 * k.ripple, k.rotor_s * moved_Wb_s / k.flux_Wb), 10.0)
+
+
 def _corner_rad_s(f_slow_Hz: float) -> float:
     return 2 * math.pi * f_slow_Hz / SLOW_PER_CORNER
 
@@ -329,8 +336,10 @@ OPEN: dict[str, Rule] = {
         _build_s,
     ),
     "flux_check": Rule(
-        "0.7, but 1.5 times the current step of one period in no-load currents at least",
-        lambda k: min(max(0.7, 1.5 * k.ripple), 10.0),
+        "0.7, but 1.5 times the current step of one period at least, and at least 15 % of "
+        "L_r/R_r R_s times the current at the torque limit over the flux, in no-load currents: at "
+        "low speed a resistance that is so far off moves the flux as fast, and the rotor follows",
+        _flux_check,
     ),
     "encoder_trip_rpm": Rule(
         "150 r/min, but 3 times the rated slip",

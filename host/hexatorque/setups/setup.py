@@ -51,7 +51,10 @@ class Setup:
             spec = KEYS[section][key]
             if section == "machine" and key != MODEL and key not in self._machine_keys():
                 raise SetupError(foreign((key,), self["machine.model"])[0])
-            return self[f"{section}.{spec.follows}"] if spec.follows else spec.default
+            if not spec.follows:
+                return spec.default
+            share = spec.share if self.defaults == "derived" else 1.0
+            return share * self[f"{section}.{spec.follows}"]
         if section == paths.CONTROLLER and key in paths.TIMING_OWNS:
             return self.parameter(key)
         section, key = paths.split(path)
