@@ -77,8 +77,7 @@ def low_speed() -> list[str]:
 
 
 def faults() -> list[str]:
-    rows = table_after("protection.md", "<!-- generated: faults -->")
-    done = [tuple(map(int, row[-1].split(" / "))) for row in rows]
+    done = [tuple(map(int, row["failures / runs"].split(" / "))) for row in data("faults")]
     assert sum(failures for failures, _ in done) == 0
     return [str(sum(runs for _, runs in done))]
 
