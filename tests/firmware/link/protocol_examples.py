@@ -1,6 +1,6 @@
-"""The examples of docs/protocol.md, made by the firmware byte by byte.
+"""The examples beside docs/protocol.md, made by the firmware byte by byte.
 
-`python tests/firmware/link/protocol_examples.py` writes them into the page anew.
+`python tests/firmware/link/protocol_examples.py` writes their file anew.
 """
 
 from __future__ import annotations
@@ -29,10 +29,7 @@ from device import (
 from hexatorque.firmware import ffi
 
 PAGE = Path(__file__).parents[3] / "docs" / "protocol.md"
-BEGIN, END = (
-    "<!-- examples: made by tests/firmware/link/protocol_examples.py -->\n",
-    "<!-- end -->\n",
-)
+FILE = PAGE.parent / "data" / "protocol-examples.txt"
 #: An invented CRC, because every change of a text in the tables changes the real one.
 DICTIONARY = 0xBEEF0BAD
 #: Fast interrupts between a request and the reading of the reply.
@@ -172,19 +169,14 @@ def dialogue() -> list[tuple[str, list[bytes]]]:
 
 
 def text() -> str:
-    parts = [
-        "\n".join(
-            (f"**{heading}**", "```text", *(line for b in bodies for line in shown(b)), "```")
-        )
-        for heading, bodies in dialogue()
-    ]
-    return BEGIN + "\n".join(parts) + "\n" + END
+    parts = []
+    for heading, bodies in dialogue():
+        parts.append("\n".join([heading, *(line for b in bodies for line in shown(b)), ""]))
+    return "\n".join(parts)
 
 
 def main() -> None:
-    page = PAGE.read_text()
-    before, rest = page.split(BEGIN)
-    PAGE.write_text(before + text() + rest.split(END)[1])
+    FILE.write_text(text())
 
 
 if __name__ == "__main__":

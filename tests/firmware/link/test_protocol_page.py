@@ -12,10 +12,10 @@ from hexatorque.results import RESULTS
 from hexatorque.serial import wire
 
 
-def blocks(page):
+def blocks(text):
     """[[(host or board, frame, body, text), ...] of every example]"""
     found = []
-    for block in re.findall(r"```text\n(.*?)```", page, re.DOTALL):
+    for block in text.split("\n\n"):
         parts = re.split(r"^(host  |board )", block, flags=re.MULTILINE)[1:]
         messages = []
         for who, rest in zip(parts[::2], parts[1::2]):
@@ -27,14 +27,14 @@ def blocks(page):
     return found
 
 
-EXAMPLES = blocks(protocol_examples.PAGE.read_text())
+EXAMPLES = blocks(protocol_examples.FILE.read_text())
 MESSAGES = [message for example in EXAMPLES for message in example]
 KINDS = ("parameter", "channel", "fault", "state")
 
 
 def test_the_pages_examples_are_the_boards_present_frames():
-    page = protocol_examples.PAGE.read_text()
-    assert protocol_examples.text() in page, "run python tests/firmware/link/protocol_examples.py"
+    kept = protocol_examples.FILE.read_text()
+    assert kept == protocol_examples.text(), "run python tests/firmware/link/protocol_examples.py"
 
 
 def test_the_firmware_answers_the_pages_requests_with_the_pages_replies():
