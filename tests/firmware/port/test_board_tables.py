@@ -6,6 +6,7 @@ import math
 import re
 
 import board_tables
+import doc_page
 import pytest
 from board_tables import DIMM100, LAUNCHPAD, PAGE
 
@@ -18,18 +19,16 @@ TEXT = PAGE.read_text()
 def test_tables_are_the_boards(board):
     written, wanted = board_tables.written(TEXT, board), board_tables.text(board)
     assert written == wanted, f"python tools/board_tables.py; wanted:\n{wanted}"
+    rows = [board_tables.heads(board), *map(list, board_tables.rows(board))]
+    assert doc_page.read_data(PAGE, f"pins-{board}") == rows, "python tools/board_tables.py"
 
 
 @pytest.mark.parametrize("board", BOARDS)
 def test_a_table_in_words(board):
-    """Read from the page, not from the tool: every signal once, no pin twice, upper and lower
+    """Read from the data, not from the tool: every signal once, no pin twice, upper and lower
     switch of a leg on A and B of one module, the numbers those of `ht_board.c`."""
     table = getattr(lib, f"ht_board_{board}")
-    rows = [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in board_tables.written(TEXT, board).splitlines()
-        if line.startswith("| ") and "pin of the device" not in line
-    ]
+    rows = doc_page.read_data(PAGE, f"pins-{board}")[1:]
     signals = {row[0]: row[1:] for row in rows}
     assert len(signals) == len(rows) == 12 + 5 + 7
     pins = [row[1] for row in rows]
