@@ -66,7 +66,10 @@ class Setup:
         return (p for p in paths.every() if p in own or not p.startswith("machine."))
 
     def __contains__(self, path: object) -> bool:
-        return any(path == one for one in self)
+        section, _, key = str(path).partition(".")
+        if section == "machine":
+            return key in self._machine_keys()
+        return (section in KEYS and key in KEYS[section]) or path in paths.every()
 
     def changed(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> Setup:
         """A copy with other values: `changed({"controller.scheme": "ddr", "machine.rs_ohm": 2})`,
