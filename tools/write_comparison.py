@@ -26,10 +26,6 @@ MACHINE = "mps2-an386"
 SHOWN = "4000"
 
 
-def _table(heads: list[str], rows: list[list[str]]) -> list[str]:
-    return [*doc_page.table(heads, rows), ""]
-
-
 def _tables(name: str, of: str, tables: dict[str, tuple[list[str], list[list[str]]]]) -> str:
     """A link to the tables as one file."""
     heads = list(dict.fromkeys(head for heads, _ in tables.values() for head in heads))
@@ -45,10 +41,13 @@ def _tables(name: str, of: str, tables: dict[str, tuple[list[str], list[list[str
 def sentences(metrics: dict) -> str:
     lines = [f"{n}. {s['text']}" for n, s in enumerate(metrics["equal"]["sentences"], 1)]
     lines += ["", f"{metrics['settings']} settings of each method were tried at each point."]
-    for s in metrics["equal"]["sentences"]:
-        if s["missing"]:
-            names = ", ".join(f"`{name}`" for name in s["missing"])
-            lines += ["", f"Not ranked in *{s['key']}*, because a point is missing: {names}."]
+    missing = [
+        f"{', '.join(f'`{name}`' for name in s['missing'])} in *{s['key']}*"
+        for s in metrics["equal"]["sentences"]
+        if s["missing"]
+    ]
+    if missing:
+        lines += ["", f"Not ranked, because a point is missing: {'; '.join(missing)}."]
     again = metrics.get("rivals")
     if again:
         lines += ["", *_again(metrics["equal"]["sentences"], again)]
@@ -227,7 +226,8 @@ def published(metrics: dict) -> str:
         "; ".join(f"{name}: {both('vv-mpc', 'lvv-mpc', name)}" for name in machines),
     )
     heads = ["what they state", "where", "here, within 4 kHz, each at its best (range over points)"]
-    return "\n".join(_table(heads, [list(five), list(low)]))
+    link = doc_page.keep_data(PAGE, "published", heads, [five, low])
+    return f"Two statements of others, and the same ratios here: {link}.\n"
 
 
 def measured(folder: Path) -> dict[str, str]:

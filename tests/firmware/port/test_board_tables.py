@@ -65,14 +65,14 @@ def test_each_connector_pin_is_used_once():
 # --- the worked front end -----------------------------------------------------------------
 
 
-def value(quantity, section):
-    """The second cell of a row of the page's tables, as its numbers."""
-    part = TEXT[TEXT.index(section) :]
-    (cell,) = re.findall(rf"^\| {re.escape(quantity)} \| ([^|]*) \|", part, re.M)[:1]
+def value(quantity, table):
+    """The second cell of a row of a table beside the page, as its numbers."""
+    rows = {row[0]: row[1] for row in doc_page.read_data(PAGE, table)}
+    cell = rows[quantity.replace("`", "")]
     return [float(x.replace("−", "-")) for x in re.findall(r"[−-]?\d+\.?\d*", cell)]
 
 
-CURRENT, LINK = "### One current, worked out", "### The dc link, worked out"
+CURRENT, LINK = "front-end-current", "front-end-dc-link"
 V_REF = 3.0
 
 
@@ -115,7 +115,7 @@ def test_front_end_of_a_current():
     assert value("pull-down of 50 kΩ in the chip", CURRENT) == pytest.approx(
         [-100 * 100 / 50.1e3], abs=0.01
     )
-    assert "`i_trip_A` 25 A at most" in TEXT and 25 < 80 / 3 and 25 < 0.885 * full
+    assert "`i_trip_A` of 25 A at most" in TEXT and 25 < 80 / 3 and 25 < 0.885 * full
 
 
 def test_front_end_of_the_dc_link():

@@ -164,7 +164,8 @@ def test_the_page_shows_every_method_and_every_sentence(figure, tool, tmp_path, 
         assert len(rows) == len(set(rows)) == len(of) * len(BY_NAME)
         assert {method for _, method in rows} == set(BY_NAME)
     # The stand-in for a measurement gives every method the same figures at the same sampling.
-    assert "`fcs-mpc` over `vv-mpc`: Td " in tool.published(metrics)
+    assert "](data/published.csv)" in tool.published(metrics)
+    assert "`fcs-mpc` over `vv-mpc`: Td " in kept("published")[0][2]
     assert f"{budget['mps2-an386']['ddr']['mean']:.0f}" in {row[1] for row in kept("costs")}
     row = {"td_Nm": 0.5, "thd_inf_pct": 4.0}
     metrics["equal"] = {
