@@ -4,6 +4,7 @@ here."""
 import re
 from pathlib import Path
 
+import doc_page
 import numpy as np
 import pytest
 
@@ -12,7 +13,8 @@ from hexatorque.evidence.papers import ENTRIES
 from hexatorque.experiments import operating_points
 
 ROOT = Path(__file__).parents[4]
-TEXT = (ROOT / "docs" / "errata.md").read_text()
+PAGE = ROOT / "docs" / "errata.md"
+TEXT = PAGE.read_text()
 
 
 def test_named_checks_exist():
@@ -37,8 +39,8 @@ def test_every_assumed_value_is_listed():
     """The list has every assumed value and no other."""
     listed = {
         (setup, section, key)
-        for setup, section, keys in re.findall(r"^\| (paper-\w+) \| (\w+) \| (.*) \|$", TEXT, re.M)
-        for key in re.findall(r"`(\w+)`", keys)
+        for setup, section, keys in doc_page.read_data(PAGE, "assumed")[1:]
+        for key in re.findall(r"\w+", keys)
     }
     assumed = {
         (name, section, key)
