@@ -1,5 +1,7 @@
 /** @file ht_virtual_board.h
- *  A virtual board: drive and link on the register model, and on its SCI a line of a given speed.
+ *  A virtual board: drive and link on the register model, and on its SCI a line of a given speed,
+ *  which the link shares with XCP. A second line, which a chip would have by a network's controller, is
+ *  XCP's alone.
  *  Its time is the drive's: one call of `ht_virtual_fast` is one fast interrupt and the
  *  background that ran before it.
  */
@@ -8,10 +10,23 @@
 
 #include "ht_service.h"
 #include "ht_port_c2000.h"
+#include "ht_xcp.h"
 
 #define HT_VIRTUAL_IN 8192u   /**< bytes on their way to the board, a power of two */
 #define HT_VIRTUAL_OUT 65536u /**< bytes that the other end has not taken yet */
 #define HT_VIRTUAL_CHANNELS 64u
+#define HT_VIRTUAL_NET_OCTETS_PER_S 1250000u /**< of the second line, each way: 10 Mbit/s */
+
+/** What passes between a line and its other end. Counts are of octets, modulo 2^32. */
+typedef struct {
+    uint32_t in_head;
+    uint32_t in_tail;
+    uint32_t out_head;
+    uint32_t out_tail;
+    uint32_t lost; /**< that the other end took too late */
+    uint16_t in[HT_VIRTUAL_IN];
+    uint16_t out[HT_VIRTUAL_OUT];
+} ht_virtual_line;
 
 typedef struct {
     ht_drive *drive;
@@ -21,13 +36,11 @@ typedef struct {
     float channel[HT_VIRTUAL_CHANNELS]; /**< all, at the end of the latest fast interrupt */
     float credit_in;                    /**< bytes that may arrive now */
     float credit_out;
-    uint32_t in_head; /**< counts bytes, modulo 2^32 */
-    uint32_t in_tail;
-    uint32_t out_head;
-    uint32_t out_tail;
-    uint32_t lost; /**< bytes that the other end took too late */
-    uint16_t in[HT_VIRTUAL_IN];
-    uint16_t out[HT_VIRTUAL_OUT];
+    float credit_net; /**< of the second line, to the other end */
+    ht_virtual_line serial;
+    ht_virtual_line net;
+    ht_xcp xcp_serial;
+    ht_xcp xcp_net;
 } ht_virtual_board;
 
 /** `d` is set up on `port`. `setup->line` is made here: the SCI at `baud`. False if it
@@ -44,8 +57,8 @@ void ht_virtual_slow(ht_virtual_board *b);
 /** Channels as they were at the end of the fast interrupt: what streams and captures see. */
 void ht_virtual_channels(const ht_virtual_board *b, float *out);
 
-/** The line's other end: put up to `n` bytes on it, returns how many found room; take up to `n`. */
-uint32_t ht_virtual_put(ht_virtual_board *b, const uint16_t *octets, uint32_t n);
-uint32_t ht_virtual_take(ht_virtual_board *b, uint16_t *octets, uint32_t n);
+/** A line's other end: put up to `n` bytes on it, returns how many found room; take up to `n`. */
+uint32_t ht_virtual_put(ht_virtual_line *line, const uint16_t *octets, uint32_t n);
+uint32_t ht_virtual_take(ht_virtual_line *line, uint16_t *octets, uint32_t n);
 
 #endif

@@ -93,14 +93,27 @@ class BoardController(firmware.Controller):
 
     def put(self, raw: bytes) -> int:
         """Send bytes to the board. Returns how many fitted into the buffer."""
-        cells = np.frombuffer(raw, np.uint8).astype(np.uint16)
-        pointer = ffi.cast("uint16_t *", cells.ctypes.data)
-        return lib.ht_virtual_put(self.board, pointer, len(cells))
+        return self._put(self.board.serial, raw)
 
     def take(self) -> bytes:
         """The bytes that the board has sent since the last call."""
+        return self._take(self.board.serial)
+
+    def put_net(self, raw: bytes) -> int:
+        """The same on the second line, which is XCP's."""
+        return self._put(self.board.net, raw)
+
+    def take_net(self) -> bytes:
+        return self._take(self.board.net)
+
+    def _put(self, line: firmware.CData, raw: bytes) -> int:
+        cells = np.frombuffer(raw, np.uint8).astype(np.uint16)
+        pointer = ffi.cast("uint16_t *", cells.ctypes.data)
+        return lib.ht_virtual_put(ffi.addressof(line), pointer, len(cells))
+
+    def _take(self, line: firmware.CData) -> bytes:
         pointer = ffi.cast("uint16_t *", self._out.ctypes.data)
-        n = lib.ht_virtual_take(self.board, pointer, len(self._out))
+        n = lib.ht_virtual_take(ffi.addressof(line), pointer, len(self._out))
         return self._out[:n].astype(np.uint8).tobytes()
 
 
