@@ -14,12 +14,13 @@ from __future__ import annotations
 import errno
 import os
 import select
+import socket
 import time
 import tty
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
@@ -30,6 +31,9 @@ from ..recording.recording import Recording
 from ..setups import Setup
 from .own_recording import OwnRecording
 from .store_file import FileStore
+
+if TYPE_CHECKING:
+    from .xcp_port import XcpPort
 
 #: Simulated seconds between two transfers of bytes on the line, at real-time speed, and when the
 #: client has sent nothing for QUIET_S. Bytes from the client end a turn at once, so only a stream
@@ -45,7 +49,8 @@ CAPTURE_VALUES = 20480
 
 
 class SerialBoard(Protocol):
-    """What a board's controller is beside the drive: its end of the line."""
+    """What a board's controller is beside the drive: its end of the line, and of a second one
+    that is XCP's alone."""
 
     baud: int
 
@@ -55,6 +60,10 @@ class SerialBoard(Protocol):
     def put(self, raw: bytes) -> int: ...
 
     def take(self) -> bytes: ...
+
+    def put_net(self, raw: bytes) -> int: ...
+
+    def take_net(self) -> bytes: ...
 
 
 class BoardController(firmware.Controller):
@@ -191,9 +200,9 @@ class Terminal:
         os.close(self._master)
         os.close(self._slave)
 
-    def wait(self, seconds: float) -> None:
-        """Wait until bytes come, but not longer than `seconds`."""
-        select.select([self._master], [], [], max(0.0, seconds))
+    def wait(self, seconds: float, *others: socket.socket) -> None:
+        """Wait until bytes come, also from `others`, but not longer than `seconds`."""
+        select.select([self._master, *others], [], [], max(0.0, seconds))
 
     def read(self) -> bytes:
         try:
@@ -219,9 +228,10 @@ def serve(
     line: Terminal,
     until: Callable[[], bool],
     record: OwnRecording | None = None,
+    xcp: XcpPort | None = None,
 ) -> None:
     """Run the board and the line, `board.factor` times as fast as real time, until `until()`.
-    `record`: where the simulation's own samples go."""
+    `record`: where the simulation's own samples go; `xcp`: the network port for XCP."""
     speed = max(1.0, board.factor)
     begun = time.monotonic()
     done_s = busy_s = 0.0
@@ -234,7 +244,8 @@ def serve(
             begun += (due_s - done_s) / board.factor - TURN_S
             continue
         if due_s - done_s < turn_s:
-            line.wait((turn_s - (due_s - done_s)) / board.factor)
+            sources = xcp.sources if xcp else []
+            line.wait((turn_s - (due_s - done_s)) / board.factor, *sources)
             if not waiting:
                 waiting = line.read()
             due_s = (time.monotonic() - begun) * board.factor
@@ -242,6 +253,8 @@ def serve(
             waiting = line.read()
         if waiting:
             waiting = waiting[board.controller.put(waiting) :]
+            busy_s = done_s
+        if xcp and xcp.pass_to(board.controller):
             busy_s = done_s
         step_s = min(due_s - done_s, 10 * TURN_S * speed)
         board.run(step_s, record is not None)
@@ -251,3 +264,5 @@ def serve(
         sent = board.controller.take()
         if sent:
             line.write(sent)
+        if xcp:
+            xcp.pass_from(board.controller)
