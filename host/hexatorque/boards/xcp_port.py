@@ -46,8 +46,8 @@ class XcpPort:
 
     @property
     def sources(self) -> list[socket.socket]:
-        """What to wait for."""
-        return [s for s in (self._listener, self._datagrams, self._master) if s is not None]
+        """What to wait for: the end of a master's connection before the begin of another's."""
+        return [s for s in (self._master, self._datagrams, self._listener) if s is not None]
 
     def pass_to(self, board: SerialBoard) -> bool:
         """What masters have sent goes to the board, as far as its line takes it. Returns whether
