@@ -20,7 +20,7 @@ import tty
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -31,9 +31,7 @@ from ..recording.recording import Recording
 from ..setups import Setup
 from .own_recording import OwnRecording
 from .store_file import FileStore
-
-if TYPE_CHECKING:
-    from .xcp_port import XcpPort
+from .xcp_port import XcpLine, XcpPort
 
 #: Simulated seconds between two transfers of bytes on the line, at real-time speed, and when the
 #: client has sent nothing for QUIET_S. Bytes from the client end a turn at once, so only a stream
@@ -48,9 +46,8 @@ LATE_S = 0.05
 CAPTURE_VALUES = 20480
 
 
-class SerialBoard(Protocol):
-    """What a board's controller is beside the drive: its end of the line, and of a second one
-    that is XCP's alone."""
+class SerialBoard(XcpLine, Protocol):
+    """What a board's controller is beside the drive: its end of the line, and of XCP's."""
 
     baud: int
 
@@ -60,10 +57,6 @@ class SerialBoard(Protocol):
     def put(self, raw: bytes) -> int: ...
 
     def take(self) -> bytes: ...
-
-    def put_net(self, raw: bytes) -> int: ...
-
-    def take_net(self) -> bytes: ...
 
 
 class BoardController(firmware.Controller):
@@ -202,7 +195,8 @@ class Terminal:
 
     def wait(self, seconds: float, *others: socket.socket) -> None:
         """Wait until bytes come, also from `others`, but not longer than `seconds`."""
-        select.select([self._master, *others], [], [], max(0.0, seconds))
+        sources: list[int | socket.socket] = [self._master, *others]
+        select.select(sources, [], [], max(0.0, seconds))
 
     def read(self) -> bytes:
         try:

@@ -6,14 +6,22 @@ import contextlib
 import select
 import socket
 import struct
+from typing import Protocol
 
 from ..firmware import FirmwareError
-from .virtual import SerialBoard
 
 #: ASAM's port for XCP.
 PORT = 5555
 #: A master that leaves so much unread is cut off: half a frame must not reach it.
 UNREAD_BYTES = 4_000_000
+
+
+class XcpLine(Protocol):
+    """A board's line that is XCP's alone."""
+
+    def put_net(self, raw: bytes) -> int: ...
+
+    def take_net(self) -> bytes: ...
 
 
 class XcpPort:
@@ -49,7 +57,7 @@ class XcpPort:
         """What to wait for: the end of a master's connection before the begin of another's."""
         return [s for s in (self._master, self._datagrams, self._listener) if s is not None]
 
-    def pass_to(self, board: SerialBoard) -> bool:
+    def pass_to(self, board: XcpLine) -> bool:
         """What masters have sent goes to the board, as far as its line takes it. Returns whether
         there was something."""
         if not self._waiting:
@@ -91,7 +99,7 @@ class XcpPort:
         self._master = None
         self._sent.clear()
 
-    def pass_from(self, board: SerialBoard) -> None:
+    def pass_from(self, board: XcpLine) -> None:
         """What the board has sent goes to its master."""
         self._sent += board.take_net()
         if self._master is not None:
