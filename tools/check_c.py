@@ -29,7 +29,8 @@ TARGET = (
     "core", "app", "link", "link/xcp", "pil", "pil/calls", "port/c2000", "port/c2000/image",
     "port/c2000/pil",
 )  # fmt: skip
-FOLDERS = (*TARGET, "port")
+HOST = ("port/host", "port/virtual")
+FOLDERS = (*TARGET, *HOST, "port")
 #: The programs: the drive, without and with XCP, and processor in the loop. Folders, files of
 #: them that it is without, and what is defined.
 XCP = "-DHT_XCP"
@@ -89,9 +90,9 @@ def compile_all(root: Path, command: list[str], files: list[Path]) -> list[str]:
 def check_compiler(root: Path, name: str) -> list[str]:
     """gcc or clang."""
     extra = ["-Wunsuffixed-float-constants"] if name == "gcc" else []
-    host = [f for f in sources(root, *TARGET, "port/host") if f.name not in ONLY_DSP]
+    host = [f for f in sources(root, *TARGET, *HOST) if f.name not in ONLY_DSP]
     said = compile_all(root, [str(tool(name)), *extra], host)
-    with_xcp = [Path("firmware/port/c2000/image/ht_image.c")]
+    with_xcp = [f for f in sources(root, "port/c2000/image") if f.name == "ht_image.c"]
     said += compile_all(root, [str(tool(name)), *extra, *DSP, XCP], with_xcp)
     return said + compile_all(root, [str(tool(name)), *extra, *DSP], sources(root, *TARGET))
 
@@ -195,7 +196,7 @@ def check_cppcheck(root: Path) -> list[str]:
         line for lines in images for line in lines if "unmatched" not in line or line in needless
     ]
     static = ("--suppress=unusedFunction", "--suppress=staticFunction")
-    return said + cppcheck(root, *static, "firmware/port/host")
+    return said + cppcheck(root, *static, *[f"firmware/{folder}" for folder in HOST])
 
 
 CHECKS = {

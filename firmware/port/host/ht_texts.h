@@ -11,7 +11,6 @@
 #include "ht_drivers.h"
 #include "ht_faults.h"
 #include "ht_service.h"
-#include "ht_xcp.h"
 
 /** Macros as enumerators: the host's interface has no macros. */
 enum {
@@ -23,12 +22,6 @@ enum {
     HT_NUMBER_WRITE = HT_SERVICE_WRITE,
     HT_NUMBER_LONGEST_BODY = HT_PACKET_BODY,
     HT_NUMBER_STREAMS = HT_STREAMS,
-    HT_NUMBER_XCP_CHANNELS_AT = HT_XCP_CHANNELS_AT,
-    HT_NUMBER_XCP_PARAMETERS_AT = HT_XCP_PARAMETERS_AT,
-    HT_NUMBER_XCP_VALUE = HT_XCP_VALUE,
-    HT_NUMBER_XCP_CTO = HT_XCP_CTO,
-    HT_NUMBER_XCP_DTO = HT_XCP_DTO,
-    HT_NUMBER_XCP_LISTS = HT_XCP_LISTS,
     HT_NUMBER_SLOW_PERIOD = HT_TIMER0 + HT_TIMER_PRD /**< register of CPU timer 0 */
 };
 

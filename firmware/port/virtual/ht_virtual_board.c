@@ -1,6 +1,7 @@
 #include "ht_virtual_board.h"
 
 #include "ht_drivers.h"
+#include "ht_virtual_period.h"
 
 /* Bytes that pass between two turns of the background, less than a FIFO takes. */
 #define AT_ONCE 8.0f
@@ -136,19 +137,6 @@ static void background(ht_virtual_board *b)
         leave(b, now);
     }
     network(b);
-}
-
-void ht_virtual_period(ht_drive *d)
-{
-    ht_port *port = d->port;
-    uint32_t per_count = (uint32_t)(port->map->system_clock_Hz / port->map->pwm_clock_Hz + 0.5f);
-    if (ht_regfile_pass(port->io, per_count * d->config->control.period.counts) != 0u) {
-        port->io->int13 = 0u;
-        ht_port_gates_off(port); /* as the image's routine does */
-    }
-    if (port->io->lost == 0u) {
-        ht_drive_fast_isr(d);
-    }
 }
 
 void ht_virtual_fast(ht_virtual_board *b)

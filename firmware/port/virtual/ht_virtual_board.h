@@ -15,6 +15,17 @@
 #define HT_VIRTUAL_IN 8192u   /**< bytes on their way to the board, a power of two */
 #define HT_VIRTUAL_OUT 65536u /**< bytes that the other end has not taken yet */
 #define HT_VIRTUAL_CHANNELS 64u
+
+/** Macros as enumerators: the host's interface has no macros. */
+enum {
+    HT_NUMBER_XCP_CHANNELS_AT = HT_XCP_CHANNELS_AT,
+    HT_NUMBER_XCP_PARAMETERS_AT = HT_XCP_PARAMETERS_AT,
+    HT_NUMBER_XCP_VALUE = HT_XCP_VALUE,
+    HT_NUMBER_XCP_CTO = HT_XCP_CTO,
+    HT_NUMBER_XCP_DTO = HT_XCP_DTO,
+    HT_NUMBER_XCP_LISTS = HT_XCP_LISTS
+};
+
 #define HT_VIRTUAL_NET_OCTETS_PER_S 1250000u /**< of the second line, each way: 10 Mbit/s */
 
 /** What passes between a line and its other end. Counts are of octets, modulo 2^32. */
@@ -47,10 +58,6 @@ typedef struct {
  *  cannot do that. */
 bool ht_virtual_init(ht_virtual_board *b, ht_drive *d, ht_port *port, const ht_service_setup *setup,
                      uint32_t baud);
-
-/** A period passes for the timers of the drive's chip, and the fast interrupt comes, unless it is lost
- *  (ht_regfile). For a drive without the rest of the board. */
-void ht_virtual_period(ht_drive *d);
 
 void ht_virtual_fast(ht_virtual_board *b);
 void ht_virtual_slow(ht_virtual_board *b);
