@@ -153,7 +153,13 @@ def everything(device: Device) -> list[float]:
     return [lib.ht_drive_get(device.drive, k) for k in range(lib.ht_param_count())]
 
 
+def single(value: float) -> float:
+    return struct.unpack("f", struct.pack("f", value))[0]
+
+
+#: Smallest and largest value of every parameter, as the firmware has them.
+RANGES = [(single(r.min), single(r.max)) for r in firmware.parameters("f28377s").values()]
+
+
 def in_range(device: Device) -> bool:
-    """Every parameter is one that the drive accepts."""
-    rows = firmware.parameters("f28377s").values()
-    return all(r.min <= lib.ht_drive_get(device.drive, r.id) <= r.max for r in rows)
+    return all(low <= x <= high for (low, high), x in zip(RANGES, everything(device)))
