@@ -36,7 +36,16 @@ c.Transport.SxI.tail_format = "CHECKSUM_WORD"
 """
 #: Otherwise pyXCP repeats a refused command for ever. On a serial port it takes at most 9 s.
 BOTH = "c.General.disable_error_handling = True\nc.Transport.timeout = 9.0\n"
-MEASURED_S = 1.0
+#: An emulated board may be slower than the clock.
+SAMPLES, LONGEST_S = 1000, 60.0
+
+
+class Counting(DaqToCsv):
+    count = 0
+
+    def on_daq_list(self, *sample):
+        self.count += 1
+        super().on_daq_list(*sample)
 
 
 def refused(command, *arguments):
@@ -102,7 +111,7 @@ def main():
             prescaler=prescaler,
         )
     ]  # fmt: skip
-    policy = DaqToCsv(lists) if what == "measure" else None
+    policy = Counting(lists) if what == "measure" else None
     with ArgumentParser(description="").run(policy=policy) as x:
         x.connect()
         if what == "calibrate":
@@ -111,7 +120,9 @@ def main():
         else:
             policy.setup()
             policy.start()
-            time.sleep(MEASURED_S)
+            end = time.monotonic() + LONGEST_S
+            while policy.count < SAMPLES and time.monotonic() < end:
+                time.sleep(0.05)
             policy.stop()
             found = {}
         x.disconnect()
