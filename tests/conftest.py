@@ -43,6 +43,7 @@ WAITS = (
     "project/test_forked.py",
     "project/test_own_machine_page.py",
     "project/test_tutorial.py",
+    "project/test_xcp_page.py",
 )
 TARGET = (
     "host/boards/test_budget.py",
