@@ -61,7 +61,10 @@ static uint16_t connect(ht_xcp *x, const uint16_t *in)
         return HT_XCP_OUT_OF_RANGE;
     }
     if ((x->session == 0u) || (x->service->session != x->session)) {
-        x->session = (uint16_t)(((tick * 40503u) >> 4) & 0xFFFEu) | 1u;
+        x->session = (uint16_t)(((tick * 40503u) >> 4) & 0xFFFCu) | (x->serial ? 3u : 1u);
+        if (x->session == x->service->session) { /* another host has this number */
+            x->session ^= 4u;
+        }
     }
     x->us_per_count = US_PER_S / ht_port_pwm_clock_Hz(x->service->drive->port);
     x->connected = true;

@@ -388,6 +388,20 @@ def test_a_master_that_only_reads_takes_no_session(device):
     assert device.service.session == 0
 
 
+def test_a_masters_number_is_nobody_elses():
+    """Not even where a host of the link has the number that the master would have."""
+    speed = parameter("speed_ref_rpm")
+    first = Master(Device(session=False))
+    first.write(speed, 50.0)
+    taken = first.device.service.session
+    device = Device(session=False)
+    device.service.session = taken
+    master = Master(device)
+    master.ask("BHBI", 0xF6, 0, 0, speed)
+    assert master.code("BBf", 0xF0, 4, 50.0) == DENIED
+    assert (device.service.session, master.value(speed)) == (taken, 0.0)
+
+
 def test_the_links_host_keeps_the_session_and_xcp_may_only_look_and_stop():
     device = Device()
     master = Master(device)
