@@ -162,11 +162,15 @@ static uint16_t refused(ht_xcp *x, uint16_t result)
 /* The values of a DOWNLOAD, from parameter `first` on: all of them or none. */
 static uint16_t write_values(ht_xcp *x, uint16_t first, const uint16_t *in, uint16_t count)
 {
-    uint16_t ids[MOST_VALUES] = {0u};
-    float values[MOST_VALUES] = {0.0f};
+    uint16_t ids[MOST_VALUES];
+    float values[MOST_VALUES];
     ht_drive *d = x->service->drive;
     uint16_t at = 0u;
     uint16_t k;
+    for (k = 0u; k < MOST_VALUES; k++) {
+        ids[k] = 0u;
+        values[k] = 0.0f;
+    }
     for (k = 0u; k < count; k++) {
         ids[k] = (uint16_t)(first + k);
         values[k] = ht_float_of(ht_get32(&in[HT_XCP_VALUE * k]));
