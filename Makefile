@@ -71,19 +71,22 @@ sanitize: $(VENV)/.installed
 
 # Searches for inputs that fail. A failing input is a file in out/fuzz; the program takes it as its
 # argument. To add new inputs to the corpus: fuzz_TARGET -merge=1 build/fuzz/corpus/TARGET
-# out/fuzz/TARGET, then tools/fuzz_corpus.py pack. The service also needs -use_counters=0, which
+# out/fuzz/TARGET, then tools/fuzz_corpus.py pack. Service and XCP also need -use_counters=0, which
 # keeps an input for every branch and not for every count.
 fuzz: $(VENV)/.installed
 	@command -v clang-19 >/dev/null || tools/setup-clang.sh
 	$(BIN)/cmake --preset fuzz -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null
-	$(BIN)/cmake --build --preset fuzz --target fuzz_packet fuzz_service
-	mkdir -p out/fuzz/packet out/fuzz/service
+	$(BIN)/cmake --build --preset fuzz --target fuzz_packet fuzz_service fuzz_xcp
+	mkdir -p out/fuzz/packet out/fuzz/service out/fuzz/xcp
 	$(BIN)/python tools/fuzz_corpus.py unpack tests/c/fuzz/corpus/packet.hex build/fuzz/corpus/packet
 	$(BIN)/python tools/fuzz_corpus.py unpack tests/c/fuzz/corpus/service.hex build/fuzz/corpus/service
+	$(BIN)/python tools/fuzz_corpus.py unpack tests/c/fuzz/corpus/xcp.hex build/fuzz/corpus/xcp
 	build/fuzz/tests/c/fuzz/fuzz_packet -max_len=1100 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
 	  -artifact_prefix=out/fuzz/ out/fuzz/packet build/fuzz/corpus/packet
 	build/fuzz/tests/c/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
 	  -artifact_prefix=out/fuzz/ out/fuzz/service build/fuzz/corpus/service
+	build/fuzz/tests/c/fuzz/fuzz_xcp -max_len=1000 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
+	  -artifact_prefix=out/fuzz/ out/fuzz/xcp build/fuzz/corpus/xcp
 
 # ESBMC is installed first: 150 MB, so it is not among the tools of every installation. Only tools are
 # needed, not the installed package.

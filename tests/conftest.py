@@ -31,6 +31,7 @@ os.environ.pop("COLUMNS", None)
 WAITS = (
     "host/boards/test_pil_board.py",
     "host/boards/test_served_board.py",
+    "host/boards/test_xcp.py",
     "host/monitor/test_command.py",
     "host/monitor/test_commission.py",
     "host/monitor/test_server.py",
@@ -42,6 +43,7 @@ WAITS = (
     "project/test_forked.py",
     "project/test_own_machine_page.py",
     "project/test_tutorial.py",
+    "project/test_xcp_page.py",
 )
 TARGET = (
     "host/boards/test_budget.py",
@@ -82,6 +84,7 @@ SLOW = (
 #: Only some tests of these files are in the stage `target`. They have a mark of this name.
 TARGET_IN_PART = (
     "host/boards/test_served_board.py",
+    "host/boards/test_xcp.py",
     "project/test_initial_values.py",
     "project/test_stages.py",
 )

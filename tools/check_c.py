@@ -26,13 +26,17 @@ import sys
 from pathlib import Path
 
 TARGET = (
-    "core", "app", "link", "pil", "pil/calls", "port/c2000", "port/c2000/image", "port/c2000/pil"
+    "core", "app", "link", "link/xcp", "pil", "pil/calls", "port/c2000", "port/c2000/image",
+    "port/c2000/pil",
 )  # fmt: skip
-FOLDERS = (*TARGET, "port")
-#: The programs: the drive, and processor in the loop. Folders, and files of them that it is
-#: without.
+HOST = ("port/host", "port/virtual")
+FOLDERS = (*TARGET, *HOST, "port")
+#: The programs: the drive, without and with XCP, and processor in the loop. Folders, files of
+#: them that it is without, and what is defined.
+XCP = "-DHT_XCP"
 IMAGES = (
-    (("core", "app", "link", "port/c2000", "port/c2000/image"), ()),
+    (("core", "app", "link", "port/c2000", "port/c2000/image"), (), ()),
+    (("core", "app", "link", "link/xcp", "port/c2000", "port/c2000/image"), (), (XCP,)),
     (
         ("core", "app", "link", "pil", "pil/calls", "port/c2000", "port/c2000/image",
          "port/c2000/pil"),
@@ -42,6 +46,7 @@ IMAGES = (
          "ht_requests_drive.c", "ht_requests_sampling.c", "ht_requests_session.c",
          "ht_dictionary.c", "ht_store.c", "ht_no_store.c",
          "ht_burst.c", "ht_streams.c"),
+        (),
     ),
 )  # fmt: skip
 BOARD = ("-DHT_BOARD=ht_board_f28335", "-DHT_CAPTURE_VALUES=1024u")
@@ -85,8 +90,10 @@ def compile_all(root: Path, command: list[str], files: list[Path]) -> list[str]:
 def check_compiler(root: Path, name: str) -> list[str]:
     """gcc or clang."""
     extra = ["-Wunsuffixed-float-constants"] if name == "gcc" else []
-    host = [f for f in sources(root, *TARGET, "port/host") if f.name not in ONLY_DSP]
+    host = [f for f in sources(root, *TARGET, *HOST) if f.name not in ONLY_DSP]
     said = compile_all(root, [str(tool(name)), *extra], host)
+    with_xcp = [f for f in sources(root, "port/c2000/image") if f.name == "ht_image.c"]
+    said += compile_all(root, [str(tool(name)), *extra, *DSP, XCP], with_xcp)
     return said + compile_all(root, [str(tool(name)), *extra, *DSP], sources(root, *TARGET))
 
 
@@ -175,11 +182,11 @@ def check_cppcheck(root: Path) -> list[str]:
     if VERSION not in version.stdout:
         return [f"cppcheck {VERSION} is wanted, this is {version.stdout.strip()}"]
     images = []
-    for folders, without in IMAGES:
+    for folders, without, defined in IMAGES:
         files = [f for f in sources(root, *folders) if f.name not in without]
         images.append(cppcheck(
             root, "--addon=misra", "-D__TMS320C2000__", "-D__interrupt=", "-D__cregister=",
-            "-D__asm(text)=((void)0)", *BOARD, *suppressions(root), *map(str, files),
+            "-D__asm(text)=((void)0)", *BOARD, *defined, *suppressions(root), *map(str, files),
         ))  # fmt: skip
     # An exception must be needed, but by one of the images only.
     needless = set.intersection(
@@ -189,7 +196,7 @@ def check_cppcheck(root: Path) -> list[str]:
         line for lines in images for line in lines if "unmatched" not in line or line in needless
     ]
     static = ("--suppress=unusedFunction", "--suppress=staticFunction")
-    return said + cppcheck(root, *static, "firmware/port/host")
+    return said + cppcheck(root, *static, *[f"firmware/{folder}" for folder in HOST])
 
 
 CHECKS = {

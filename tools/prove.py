@@ -48,7 +48,7 @@ PAGE = ROOT / "docs" / "proofs.md"
 WORK = ROOT / "build" / "prove"
 #: The functions of the C library that the firmware calls.
 LIBRARY = ROOT / "tools" / "c28x" / "include"
-ROOMS = ("core", "app", "link", "port")
+ROOMS = ("core", "app", "link", "link/xcp", "port")
 #: The page is renewed after every proof: a long run may be interrupted.
 WRITING = Lock()
 #: Of a proof with free arithmetic.

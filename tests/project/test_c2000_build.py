@@ -336,3 +336,32 @@ def test_start_sets_the_watchdog_first():
     assert code.index("0x7029") < code.index("#0x002F") < code.index("LB      _c_int00")
     value = 0x002F
     assert (value & 0x38, value & 0x40, value & 7) == (0x28, 0, 7)
+
+
+@needs_cmake
+@pytest.mark.parametrize("device", part(["f28335", "f28377s"], 1))
+def test_image_with_xcp(tree, tmp_path, device):
+    """With HT_XCP the drive's images, and only they, have XCP. What the fast interrupt calls of it
+    runs from RAM."""
+    log = stand_ins(tmp_path)
+    build = tree / "build" / device
+    shutil.rmtree(build, ignore_errors=True)
+    done = configure(tree, device, tmp_path, "-DHT_XCP=ON")
+    assert done.returncode == 0, done.stdout + done.stderr
+    log.unlink()
+    command = [CMAKE, "--build", "--preset", device]
+    done = subprocess.run(command, cwd=tree, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    calls = [line for line in log.read_text().splitlines() if "--c_file=" in line]
+    ours = [call for call in calls if "/link/xcp/" in call.split("--c_file=")[1]]
+    names = sorted(re.search(r"(\w+\.c)", call.split("--c_file=")[1])[1] for call in ours)
+    here = [path.name for path in (ROOT / "firmware" / "link" / "xcp").glob("*.c")]
+    assert names == sorted(here * 2)
+    assert not any("_pil_" in call for call in ours)
+    for call in ours:
+        fast = re.search(r"ht_xcp_(daq|fast)\.c", call.split("--c_file=")[1])
+        assert ("--ramfunc=on" in call) == bool(fast)
+    images = [call for call in calls if "ht_image.c" in call.split("--c_file=")[1]]
+    assert len(images) == 2
+    assert all(re.search(r"(-D|--define=)HT_XCP\b", call) for call in images)
+    shutil.rmtree(build)

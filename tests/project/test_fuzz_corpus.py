@@ -8,7 +8,7 @@ import pytest
 CORPUS = Path(__file__).resolve().parents[2] / "tests/c/fuzz/corpus"
 
 
-@pytest.mark.parametrize("name", ["packet", "service"])
+@pytest.mark.parametrize("name", ["packet", "service", "xcp"])
 def test_a_packed_corpus_comes_back_the_same(name, tmp_path):
     packed, folder = CORPUS / f"{name}.hex", tmp_path / "inputs"
     inputs = fuzz_corpus.unpack(packed, folder)

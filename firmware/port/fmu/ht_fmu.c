@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "ht_texts.h"
-#include "ht_virtual_board.h"
+#include "ht_virtual_period.h"
 
 /* What `hexatorque fmu` has written: token, board, voltage of the dc link. */
 #ifdef HT_FMU_MADE

@@ -1,5 +1,6 @@
 /* The emulated board with its serial link: the drive's plant and the time are the host's, by
- * processor in the loop; who commands the drive is at the other end of UART0.
+ * processor in the loop; who commands the drive is at the other end of UART0, which the link shares
+ * with XCP, or at that of UART1, which is XCP's alone.
  *
  *   setup   32-bit words: baud rate of UART0, milliseconds of the watchdog
  *   store   the memory for parameters; without this file the board has none. Words lie in it as in
@@ -7,6 +8,7 @@
  */
 #include "cmsdk_uart.h"
 #include "ht_service.h"
+#include "ht_xcp.h"
 #include "pil_server.h"
 #include "semihost.h"
 
@@ -14,6 +16,9 @@
 
 /* 32-bit values of memory for captures: what the F28377S's image has. */
 #define CAPTURE_VALUES 20480u
+
+/* The fastest that a UART's divider makes. */
+#define NET_BAUD (CMSDK_UART_CLOCK_HZ / 16u)
 
 /* Bytes that a turn of the background is sure to hand over while frames are waiting: it
  * takes up to 16, and a frame's rest. */
@@ -26,7 +31,10 @@
 typedef struct {
     ht_drive *drive;
     cmsdk_uart uart;
+    cmsdk_uart net;
     ht_service service;
+    ht_xcp xcp_serial;
+    ht_xcp xcp_net;
     ht_service_setup setup;
     ht_store store;
     int32_t store_file;
@@ -89,8 +97,13 @@ static void look_into_store(board *b)
 static void begin(void *at, ht_drive *drive)
 {
     board *b = (board *)at;
+    ht_line serial = cmsdk_uart_line(&b->uart);
+    ht_line net = cmsdk_uart_line(&b->net);
     b->drive = drive;
     look_into_store(b);
+    ht_xcp_init(&b->xcp_serial, &b->service, &serial, (uint16_t)HT_XCP_SERIAL);
+    ht_xcp_init(&b->xcp_net, &b->service, &net, (uint16_t)HT_XCP_NET);
+    b->setup.line = ht_xcp_shared(&b->xcp_serial);
     ht_service_init(&b->service, drive, &b->setup);
 }
 
@@ -101,16 +114,21 @@ static void fast(void *at)
     float period_s = 1.0f / b->drive->params.v[HT_P_f_isr_Hz];
     int turns = TURNS_MIN + (int)((float)b->uart.octets_per_s * period_s / TURN_OCTETS);
     cmsdk_uart_pass(&b->uart, period_s);
+    cmsdk_uart_pass(&b->net, period_s);
     while (turns > 0) {
-        float credit = b->uart.credit_in;
+        float credit = b->uart.credit_in + b->net.credit_in;
         ht_service_turn(&b->service);
+        ht_xcp_turn(&b->xcp_serial);
+        ht_xcp_turn(&b->xcp_net);
         turns--;
-        if ((b->uart.credit_in < credit) && (turns < TURNS_OCTET)) {
+        if (((b->uart.credit_in + b->net.credit_in) < credit) && (turns < TURNS_OCTET)) {
             turns = TURNS_OCTET; /* no more often than there is credit */
         }
     }
     ht_drive_fast_isr(b->drive);
     ht_service_fast(&b->service);
+    ht_xcp_fast(&b->xcp_serial);
+    ht_xcp_fast(&b->xcp_net);
 }
 
 int main(void)
@@ -122,13 +140,13 @@ int main(void)
     if ((file < 0) || (semihost_read(file, setup, sizeof setup) != sizeof setup)) {
         return EXIT_FILE;
     }
-    if (!cmsdk_uart_start(&b.uart, CMSDK_UART0, setup[0])) {
+    if (!cmsdk_uart_start(&b.uart, CMSDK_UART0, setup[0])
+        || !cmsdk_uart_start(&b.net, CMSDK_UART1, NET_BAUD)) {
         return EXIT_SETUP;
     }
     b.setup.device = HT_MACHINE;
     b.setup.build = HT_BUILD;
     b.setup.watchdog_ms = (uint16_t)setup[1];
-    b.setup.line = cmsdk_uart_line(&b.uart);
     b.setup.memory = b.capture;
     b.setup.memory_size = CAPTURE_VALUES;
     ht_store_none(&b.store);

@@ -22,8 +22,9 @@ typedef struct {
     volatile uint32_t bauddiv;
 } cmsdk_uart_registers;
 
-/** UART0 of the boards. */
+/** Two of the boards' UARTs. */
 #define CMSDK_UART0 ((cmsdk_uart_registers *)0x40004000u)
+#define CMSDK_UART1 ((cmsdk_uart_registers *)0x40005000u)
 
 typedef struct {
     cmsdk_uart_registers *registers;

@@ -10,6 +10,7 @@ with EmulatedBoard(hexatorque.load("paper-b"), "mps2-an386") as board, Terminal(
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Mapping
 from functools import partial
@@ -32,10 +33,14 @@ BAUD = 1_250_000
 #: Baud rates that the divider of their serial port makes from 25 MHz.
 BAUD_RANGE = (25_000_000 // 0xFFFFF + 1, 25_000_000 // 16)
 IMAGE = "firmware/port/mps2/board"
-#: The other end of the serial port: the FIFOs uart.in and uart.out in the working directory. A
+#: The other end of the serial port: the FIFOs uart.in and uart.out in the working directory; xcp.in
+#: and xcp.out are those of the second port. A
 #: socket would be full after some 300 single bytes. QEMU's own pseudo-terminals drop bytes until
 #: they notice a client, for which they look only once a second.
-SERIAL = ("-chardev", "pipe,id=uart,path=uart", "-serial", "chardev:uart")
+SERIAL = (
+    "-chardev", "pipe,id=uart,path=uart", "-serial", "chardev:uart",
+    "-chardev", "pipe,id=xcp,path=xcp", "-serial", "chardev:xcp",
+)  # fmt: skip
 
 
 class BoardProcess(ProcessTarget):
@@ -55,14 +60,13 @@ class BoardProcess(ProcessTarget):
         (place / "setup").write_bytes(self._setup.tobytes())
         if self._store:
             (place / "store").symlink_to(self._store.absolute())
-        for name in ("uart.in", "uart.out"):
-            os.mkfifo(place / name)
         # QEMU opens both for reading and writing, so that neither of us waits for the other.
-        self.uart = [
-            os.open(place / "uart.in", os.O_RDWR | os.O_NONBLOCK),
-            os.open(place / "uart.out", os.O_RDONLY | os.O_NONBLOCK),
-        ]
-        return self.uart
+        self.lines = []
+        for name, how in itertools.product(("uart", "xcp"), ("in", "out")):
+            os.mkfifo(place / f"{name}.{how}")
+            mode = os.O_RDWR if how == "in" else os.O_RDONLY
+            self.lines.append(os.open(place / f"{name}.{how}", mode | os.O_NONBLOCK))
+        return self.lines
 
 
 class EmulatedController(TargetController):
@@ -79,21 +83,36 @@ class EmulatedController(TargetController):
     ) -> None:
         super().__init__(target, device, values, store)
         self.baud = target.baud
-        self._to_board, self._from_board = target.uart
+        self._to_board, self._from_board, self._to_xcp, self._from_xcp = target.lines
 
     def put(self, raw: bytes) -> int:
         """Send bytes to the board. Returns how many fitted into the buffer."""
-        try:
-            return os.write(self._to_board, raw) if raw else 0
-        except BlockingIOError:
-            return 0
+        return _put(self._to_board, raw)
 
     def take(self) -> bytes:
         """The bytes that the board has sent since the last call."""
-        try:
-            return os.read(self._from_board, 65536)
-        except BlockingIOError:
-            return b""
+        return _take(self._from_board)
+
+    def put_net(self, raw: bytes) -> int:
+        """The same on the second line, which is XCP's."""
+        return _put(self._to_xcp, raw)
+
+    def take_net(self) -> bytes:
+        return _take(self._from_xcp)
+
+
+def _put(file: int, raw: bytes) -> int:
+    try:
+        return os.write(file, raw) if raw else 0
+    except BlockingIOError:
+        return 0
+
+
+def _take(file: int) -> bytes:
+    try:
+        return os.read(file, 65536)
+    except BlockingIOError:
+        return b""
 
 
 class EmulatedBoard(VirtualBoard):

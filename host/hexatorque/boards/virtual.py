@@ -14,6 +14,7 @@ from __future__ import annotations
 import errno
 import os
 import select
+import socket
 import time
 import tty
 from collections.abc import Callable, Mapping
@@ -30,6 +31,7 @@ from ..recording.recording import Recording
 from ..setups import Setup
 from .own_recording import OwnRecording
 from .store_file import FileStore
+from .xcp_port import XcpLine, XcpPort
 
 #: Simulated seconds between two transfers of bytes on the line, at real-time speed, and when the
 #: client has sent nothing for QUIET_S. Bytes from the client end a turn at once, so only a stream
@@ -44,8 +46,8 @@ LATE_S = 0.05
 CAPTURE_VALUES = 20480
 
 
-class SerialBoard(Protocol):
-    """What a board's controller is beside the drive: its end of the line."""
+class SerialBoard(XcpLine, Protocol):
+    """What a board's controller is beside the drive: its end of the line, and of XCP's."""
 
     baud: int
 
@@ -93,14 +95,27 @@ class BoardController(firmware.Controller):
 
     def put(self, raw: bytes) -> int:
         """Send bytes to the board. Returns how many fitted into the buffer."""
-        cells = np.frombuffer(raw, np.uint8).astype(np.uint16)
-        pointer = ffi.cast("uint16_t *", cells.ctypes.data)
-        return lib.ht_virtual_put(self.board, pointer, len(cells))
+        return self._put(self.board.serial, raw)
 
     def take(self) -> bytes:
         """The bytes that the board has sent since the last call."""
+        return self._take(self.board.serial)
+
+    def put_net(self, raw: bytes) -> int:
+        """The same on the second line, which is XCP's."""
+        return self._put(self.board.net, raw)
+
+    def take_net(self) -> bytes:
+        return self._take(self.board.net)
+
+    def _put(self, line: firmware.CData, raw: bytes) -> int:
+        cells = np.frombuffer(raw, np.uint8).astype(np.uint16)
+        pointer = ffi.cast("uint16_t *", cells.ctypes.data)
+        return lib.ht_virtual_put(ffi.addressof(line), pointer, len(cells))
+
+    def _take(self, line: firmware.CData) -> bytes:
         pointer = ffi.cast("uint16_t *", self._out.ctypes.data)
-        n = lib.ht_virtual_take(self.board, pointer, len(self._out))
+        n = lib.ht_virtual_take(ffi.addressof(line), pointer, len(self._out))
         return self._out[:n].astype(np.uint8).tobytes()
 
 
@@ -178,9 +193,10 @@ class Terminal:
         os.close(self._master)
         os.close(self._slave)
 
-    def wait(self, seconds: float) -> None:
-        """Wait until bytes come, but not longer than `seconds`."""
-        select.select([self._master], [], [], max(0.0, seconds))
+    def wait(self, seconds: float, *others: socket.socket) -> None:
+        """Wait until bytes come, also from `others`, but not longer than `seconds`."""
+        sources: list[int | socket.socket] = [self._master, *others]
+        select.select(sources, [], [], max(0.0, seconds))
 
     def read(self) -> bytes:
         try:
@@ -206,9 +222,10 @@ def serve(
     line: Terminal,
     until: Callable[[], bool],
     record: OwnRecording | None = None,
+    xcp: XcpPort | None = None,
 ) -> None:
     """Run the board and the line, `board.factor` times as fast as real time, until `until()`.
-    `record`: where the simulation's own samples go."""
+    `record`: where the simulation's own samples go; `xcp`: the network port for XCP."""
     speed = max(1.0, board.factor)
     begun = time.monotonic()
     done_s = busy_s = 0.0
@@ -221,7 +238,8 @@ def serve(
             begun += (due_s - done_s) / board.factor - TURN_S
             continue
         if due_s - done_s < turn_s:
-            line.wait((turn_s - (due_s - done_s)) / board.factor)
+            sources = xcp.sources if xcp else []
+            line.wait((turn_s - (due_s - done_s)) / board.factor, *sources)
             if not waiting:
                 waiting = line.read()
             due_s = (time.monotonic() - begun) * board.factor
@@ -229,6 +247,8 @@ def serve(
             waiting = line.read()
         if waiting:
             waiting = waiting[board.controller.put(waiting) :]
+            busy_s = done_s
+        if xcp and xcp.pass_to(board.controller):
             busy_s = done_s
         step_s = min(due_s - done_s, 10 * TURN_S * speed)
         board.run(step_s, record is not None)
@@ -238,3 +258,5 @@ def serve(
         sent = board.controller.take()
         if sent:
             line.write(sent)
+        if xcp:
+            xcp.pass_from(board.controller)

@@ -47,7 +47,7 @@ def flood(device, op, payload, ticks):
     board = device.controller.board
     bodies = []
     for _ in range(ticks):
-        while board.in_head - board.in_tail < 1000:
+        while board.serial.in_head - board.serial.in_tail < 1000:
             device.put(frame(device.request(op, payload)))
         device.tick()
         bodies += device.receive()
@@ -114,7 +114,7 @@ def test_a_reply_waits_no_longer_than_the_protocol_says(what, slow):
     for _ in range(30):
         body = device.request(op, payload)
         device.put(frame(body))
-        while board.in_head != board.in_tail:
+        while board.serial.in_head != board.serial.in_tail:
             board.credit_out -= (1.0 - slow) * per_tick
             device.tick()
         waited = 0
@@ -143,7 +143,7 @@ def test_a_stop_does_not_wait():
         assert device.state == "run"
         assert set(np.diff(ticks_of(bodies))) == {every}
         board = device.controller.board
-        while board.in_head != board.in_tail:
+        while board.serial.in_head != board.serial.in_tail:
             device.tick()
         stop = frame(struct.pack("<BBHH", STOP, 77, 0, 0))
         device.put(stop)

@@ -2,6 +2,9 @@
 #include "ht_image.h"
 
 #include "ht_drivers.h"
+#ifdef HT_XCP
+#include "ht_xcp.h"
+#endif
 
 #ifndef HT_BOARD
 #error "HT_BOARD: name of the board's table, e.g. ht_board_f28335"
@@ -19,6 +22,9 @@ ht_port ht_image_port;
 ht_drive ht_image_drive;
 ht_service ht_image_service;
 ht_store ht_image_store;
+#ifdef HT_XCP
+static ht_xcp xcp;
+#endif
 
 /* No start clears it: neither the runtime nor, unless the power was off, the boot ROM. */
 #ifdef __TMS320C2000__
@@ -44,6 +50,9 @@ static HT_INTERRUPT void fast(void)
 {
     ht_drive_fast_isr(&ht_image_drive);
     ht_service_fast(&ht_image_service);
+#ifdef HT_XCP
+    ht_xcp_fast(&xcp);
+#endif
 }
 
 static HT_INTERRUPT void slow(void)
@@ -88,6 +97,10 @@ void ht_image_start(void)
     link.build = HT_BUILD;
     link.watchdog_ms = HT_SERVICE_WATCHDOG_MS;
     link.line = ht_sci_line(&ht_image_port);
+#ifdef HT_XCP
+    ht_xcp_init(&xcp, &ht_image_service, &link.line, (uint16_t)HT_XCP_SERIAL);
+    link.line = ht_xcp_shared(&xcp);
+#endif
     link.memory = capture_memory;
     link.memory_size = HT_CAPTURE_VALUES;
     link.store = &ht_image_store;
@@ -154,6 +167,9 @@ void ht_image_background(void)
     }
     ht_watchdog_second(&ht_image_port);
     ht_service_turn(&ht_image_service);
+#ifdef HT_XCP
+    ht_xcp_turn(&xcp);
+#endif
     if (ht_image_mailbox.command != (uint16_t)HT_COMMAND_NONE) {
         ht_image_mailbox.result = (uint16_t)execute(&ht_image_mailbox);
         ht_image_mailbox.command = (uint16_t)HT_COMMAND_NONE;

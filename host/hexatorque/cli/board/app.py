@@ -3,6 +3,7 @@
 import click
 
 from ..group import Group, examples
+from .a2l import a2l
 from .commission import commission
 from .compare import compare
 from .drive import clear, list_boards, set_parameters, start, status, stop
@@ -43,5 +44,6 @@ for command in (
     watch,
     compare,
     monitor,
+    a2l,
 ):
     board.add_command(command)

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import sys
+from contextlib import closing, nullcontext
 from pathlib import Path
 
 import click
@@ -28,6 +29,7 @@ LONG_S = 60.0
         "board serve --fast 5",
         "board serve --break u1=open@5",
         "board serve --machine mps2-an386",
+        "board serve --xcp 5555",
         note="In another terminal: hexatorque board start --speed 400",
     )
 )
@@ -64,10 +66,18 @@ LONG_S = 60.0
     help="this phase's leg is open, blocked, or its upper or lower switch is dead; u1=open@2.5: "
     "from 2.5 s on. May be repeated",
 )
+@options.value(
+    "--xcp",
+    metavar="PORT",
+    type=int,
+    help="an XCP slave on this TCP and UDP port of this computer as well; 5555 is XCP's own, 0 any",
+)
 @options.file("--link", metavar="PATH", help="a fixed name for the port")
 @options.file("--record", metavar="FILE", help="the simulation's own recording")
 @options.as_json
-def serve(setup, settings, load, machine, baud, fast, store, breaks, link, record, as_json) -> int:
+def serve(
+    setup, settings, load, machine, baud, fast, store, breaks, xcp, link, record, as_json
+) -> int:
     """A virtual board: firmware and plant behind a serial port.
 
     Runs firmware and plant in one process that serves the serial protocol on a pseudo-terminal,
@@ -76,6 +86,7 @@ def serve(setup, settings, load, machine, baud, fast, store, breaks, link, recor
     from ...boards.own_recording import OwnRecording
     from ...boards.virtual import Terminal
     from ...boards.virtual import serve as serve_board
+    from ...boards.xcp_port import XcpPort
     from ...recording.formats import check_output
     from ...serial import runtime
 
@@ -84,7 +95,8 @@ def serve(setup, settings, load, machine, baud, fast, store, breaks, link, recor
     ended = []
     with compiling():
         made = _make(setup, settings, load, machine, baud, fast, store)
-    with made as board, Terminal() as line, _name(link, line.port):
+    network = nullcontext() if xcp is None else closing(XcpPort(xcp))
+    with made as board, network as port, Terminal() as line, _name(link, line.port):
         for sign in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(sign, lambda *_: ended.append(True))
         if load is not None:
@@ -94,16 +106,20 @@ def serve(setup, settings, load, machine, baud, fast, store, breaks, link, recor
         file = runtime.announce(line.port, board.title, board.controller.baud)
         try:
             if as_json:
-                said = json.dumps({"port": line.port, "baud": board.controller.baud,
-                                   "title": board.title,
-                                   "parameters": board.controller.parameter_set})  # fmt: skip
+                facts = {"port": line.port, "baud": board.controller.baud, "title": board.title,
+                         "parameters": board.controller.parameter_set}  # fmt: skip
+                if port is not None:
+                    facts["xcp"] = port.number
+                said = json.dumps(facts)
             else:
                 said = f"{board.title} on {link or line.port}, Ctrl-C ends it"
                 if store:
                     said += f"\nparameters: {board.controller.parameter_set} ({store})"
+                if port is not None:
+                    said += f"\nXCP: TCP and UDP port {port.number}"
             print(said, flush=True)
             own = None if record is None else OwnRecording(board.sim, record)
-            serve_board(board, line, until=lambda: bool(ended), record=own)
+            serve_board(board, line, until=lambda: bool(ended), record=own, xcp=port)
         finally:
             file.unlink(missing_ok=True)
         if own is not None:

@@ -36,6 +36,7 @@ TARGETS = {
 }
 #: Folders of the firmware whose sizes count; the last one only where it is compiled.
 ROOMS = ("core", "app", "port/c2000")
+XCP = "link/xcp"
 #: Assumed C28x cycles for one instruction of the Cortex-M4F, smallest and largest assumption. Each
 #: has two numbers: for any other instruction, and for a branch, call or return.
 C28X_CYCLES = ((1.0, 4.0), (1.5, 7.0))
@@ -55,10 +56,9 @@ def _stack(preset: str) -> tuple[dict, list[str]]:
     return paths, sorted(stack.library_calls(graph, "ht_drive_fast_isr") - ALLOWED_CALLS)
 
 
-def _sizes(preset: str, prefix: str) -> dict[str, int]:
-    """Bytes of code and constants of core, app and C2000 driver, and of one drive's data."""
-    folder = tools.build(preset, "ht_app", "ht_sizes")
-    rooms = [tools.source_root() / "firmware" / room for room in ROOMS]
+def _sections(folder: Path, prefix: str, *names: str) -> dict[str, int]:
+    """Bytes of code and constants of these folders of the firmware."""
+    rooms = [tools.source_root() / "firmware" / name for name in names]
     built = tools.objects(folder, "ht_core", "ht_app")
     objects = [file for source, file in built.items() if source.parent in rooms]
     listed = subprocess.run(
@@ -71,12 +71,20 @@ def _sizes(preset: str, prefix: str) -> dict[str, int]:
             total["code"] += int(size)
         elif name.startswith((".rodata", ".data", ".bss")):
             total["constants"] += int(size)
+    return total
+
+
+def _sizes(preset: str, prefix: str) -> dict[str, int]:
+    """Bytes of code and constants of core, app and C2000 driver, of one drive's data, and of XCP's
+    code and constants."""
+    folder = tools.build(preset, "ht_app", "ht_sizes")
+    total = _sections(folder, prefix, *ROOMS)
     (drive,) = tools.objects(folder, "ht_sizes").values()
     named = subprocess.run(
         [f"{prefix}nm", "--print-size", drive], capture_output=True, text=True, check=True
     ).stdout
     (size,) = re.findall(r"^\S+ (\S+) \w ht_one_drive$", named, re.MULTILINE)
-    return {**total, "drive": int(size, 16)}
+    return {**total, "drive": int(size, 16), "xcp": sum(_sections(folder, prefix, XCP).values())}
 
 
 def _image_bytes(preset: str) -> int:
@@ -209,7 +217,8 @@ All three on one stack, with the {exception} bytes that each interrupt adds by i
 
 ## Sizes
 Bytes of core, app and C2000 driver (atmega2560: without driver; constants: with the texts of the
-parameter and channel tables), and of the data of one drive; compiled file by file at -O2. The image
+parameter and channel tables), of the data of one drive, and of [XCP](xcp.md), which an image has or
+has not; compiled file by file at -O2. The image
 whose instructions are counted above is compiled as stated there and has {image} bytes instead of
 {image_by_file}.
 
@@ -256,7 +265,7 @@ def page(result: dict, limit: dict) -> str:
         ),
         together=together, measured=found["stack_used_bytes"],
         sizes=_rows(
-            ("target", "code", "constants", "data of a drive"),
+            ("target", "code", "constants", "data of a drive", "XCP"),
             [(name, *row.values()) for name, row in result["sizes"].items()],
         ),
     )  # fmt: skip
