@@ -578,13 +578,18 @@ void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
     ht_action_points p = {1.0f, 1.0f};
     float i2 = i.ab.alpha * i.ab.alpha + i.ab.beta * i.ab.beta;
     uint16_t s[3];
+    bool still;
     st->i_A = in->i_A;
     st->i_xy_A = i.xy;
     st->observer.i_A = i.ab;
     st->flow = ht_flow_of(&in->i_A, &cfg->dead);
     st->spill.legs = 0u;
     begin_pattern(cfg, st);
-    if ((direction < HT_DIRECTIONS) && (i2 < cfg->build_current_A * cfg->build_current_A)) {
+    /* What the active pattern adds is not in the sample yet: with little inductance two periods in a
+     * row would reach the trip. */
+    still = !cfg->shadow || (ht_nearest_zero[st->active.s[1]] == st->active.s[1]);
+    if ((direction < HT_DIRECTIONS) && still
+        && (i2 < cfg->build_current_A * cfg->build_current_A)) {
         ht_xy none = {0.0f, 0.0f};
         ht_vectors_virtual(HT_L, direction, s);
         p = ht_duty(HT_L, direction, none);

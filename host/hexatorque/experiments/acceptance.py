@@ -22,12 +22,14 @@ Course = Sequence[tuple[float, float]]
 ROUND: Course = ((1, 0), (1, 1), (1, 0), (-1, 0), (-1, -1), (-1, 0), (0, 0))
 
 
-def whole(fast_load: float) -> Course:
-    """3, 30, 100 and 150 % of rated speed; the rated torque with both signs, at 150 % this share of
-    it; the load drops; the speed reverses in field weakening and under load."""
+def whole(fast_load: float, fast_speed: float = 1.5) -> Course:
+    """3, 30 and 100 % of rated speed and this one, in shares of it; the rated torque with both
+    signs, at the highest speed this share of it; the load drops; the speed reverses from the
+    highest speed and under load."""
     slow = ((0.03, 0), (0.03, 1), (0.03, -1), (0.3, -1), (0.3, 1), (0.3, 0))
     rated = ((1, 0), (1, 1), (1, 0), (1, -1), (1, 0))
-    fast = ((1.5, 0), (1.5, fast_load), (1.5, 0), (-1.5, 0), (-1, 0))
+    top = fast_speed
+    fast = ((top, 0), (top, fast_load), (top, 0), (-top, 0), (-1, 0))
     return (*slow, *rated, *fast, (-1, -1), (-0.3, -1), (0.3, -1), (0.3, 0), (0, 0))
 
 

@@ -386,6 +386,12 @@ SWINGS = 4.0
 LARGEST_GAP = 0.5
 #: Slow mean of the encoder's counts.
 COUNTS_SLOW_S = number_of("app/ht_configure.h", "HT_COUNTS_SLOW_S")
+#: Of rated current, the least that aligns.
+LEAST_ALIGN = 0.2
+#: Of the current that turns the q axis to it, the largest step of one period.
+ALIGN_STEP = 0.25
+#: True inertia over the stated one, at least.
+LEAST_INERTIA = 0.6
 #: Distance of the speed trip from the speed at which the magnets would drive current by themselves.
 BELOW_CEILING = 0.98
 
@@ -408,17 +414,32 @@ def _pull_Hz(k: Known) -> float:
     return min(max(LEAST_PULL_HZ, pull), 500.0)
 
 
+def _align_step_A(k: Known, period_s: float) -> float:
+    return k.flux_step_Wb(period_s) / k.machine.ld_H
+
+
 def _align_A(k: Known) -> float:
-    return min(k.machine.current_A(k.rated_Nm, 0.0), 0.6 * k["i_trip_A"])
+    rated_A = k.machine.current_A(k.rated_Nm, 0.0)
+    stiffest_A = 0.5 * k.machine.turning_A - _align_step_A(k, k.period_s)
+    return min(rated_A, 0.6 * k["i_trip_A"], max(stiffest_A, LEAST_ALIGN * rated_A))
 
 
 def _align_s(k: Known) -> float:
-    swing_s = 2 * math.pi / k.machine.swing_rad_s(k["build_current_A"])
-    return min(max(1.0, SWINGS * swing_s), 10.0)
+    swing_rad_s = k.machine.swing_rad_s(k["build_current_A"])
+    return min(max(1.0, SWINGS * 2 * math.pi / swing_rad_s), 10.0) if swing_rad_s else 10.0
+
+
+def _magnet_f_isr_Hz(k: Known) -> float:
+    """The same, and 20 kHz if at 10 kHz a period moves the aligning current too far."""
+    far = _align_step_A(k, 1 / F_ISR_HZ) > ALIGN_STEP * k.machine.turning_A
+    carried = write_delay_us(k.setup) * 1e-6 < WRITTEN_WITHIN / F_ISR_FAST_HZ
+    return F_ISR_FAST_HZ if far and carried else _f_isr_Hz(k)
 
 
 def _jump_rpm(k: Known) -> float:
-    return max(40.0, rpm(2 * k["torque_limit_Nm"] / k.machine.inertia_kgm2 * COUNTS_SLOW_S))
+    """The load may help the machine to turn back."""
+    most_Nm = k["torque_limit_Nm"] + max(k.rated_Nm, k.asked_Nm)
+    return max(40.0, rpm(most_Nm / (LEAST_INERTIA * k.machine.inertia_kgm2) * COUNTS_SLOW_S))
 
 
 def _magnet_speed_trip_rpm(k: Known) -> float:
@@ -445,15 +466,23 @@ OPEN_MAGNET: dict[str, Rule] = {
         _pull_Hz,
     ),
     "build_current_A": Rule(
-        "rated current, but at most 60 % of i_trip_A: it aligns the rotor", _align_A
+        "rated current, but at most 60 % of i_trip_A, and with its ripple half of "
+        "psi_f/(L_q - L_d), which turns the q axis there; 20 % of rated current at least: it "
+        "aligns the rotor",
+        _align_A,
+    ),
+    "f_isr_Hz": Rule(
+        OPEN["f_isr_Hz"].text + "; or if it moves the aligning current by more than a quarter of "
+        "psi_f/(L_q - L_d)",
+        _magnet_f_isr_Hz,
     ),
     "build_s": Rule("4 swings of the shaft that direct current holds; 1 .. 10 s", _align_s),
     "flux_check": Rule(
         "0.5: the two models' fluxes may be so many psi_f apart", lambda k: LARGEST_GAP
     ),
     "encoder_trip_rpm": Rule(
-        "what twice the torque limit does to the shaft within 3 ms, 40 r/min at least: no real "
-        "shaft changes its speed as quickly",
+        "what torque limit and rated torque do together within 3 ms to a shaft of 60 % of the "
+        "inertia, 40 r/min at least: no real shaft changes its speed as quickly",
         _jump_rpm,
     ),
     "speed_trip_rpm": Rule(

@@ -350,6 +350,8 @@ def _fits(d: Design) -> Iterator[Finding]:
     )  # fmt: skip
 
 
+#: Of the direct current that turns the q axis to it, with the inductances 10 % off.
+MOST_TURNING = 0.8
 MORE_RANGE = "give the sensors more range (sensors.i_full_A)"
 
 
@@ -456,11 +458,17 @@ def _currents_of_magnets(d: Design) -> Iterator[Finding]:
         "current that aligns the rotor, and its ripple", p("build_current_A") + step_A, trip_A,
         "A", f"lower controller.build_current_A, or {MORE_RANGE}",
     )  # fmt: skip
-    swing_s = 2 * math.pi / d.machine.swing_rad_s(p("build_current_A"))
-    yield at_least(
-        "time to align the rotor", p("build_s"), swing_s, "s",
-        f"raise controller.build_s: the shaft swings with a period of {swing_s:.2g} s",
+    yield at_most(
+        "current that aligns the rotor, and its ripple, which must not turn the q axis there",
+        p("build_current_A") + step_A, MOST_TURNING * d.machine.turning_A, "A",
+        "lower controller.build_current_A, or raise controller.f_isr_Hz",
     )  # fmt: skip
+    if swing_rad_s := d.machine.swing_rad_s(p("build_current_A")):
+        swing_s = 2 * math.pi / swing_rad_s
+        yield at_least(
+            "time to align the rotor", p("build_s"), swing_s, "s",
+            f"raise controller.build_s: the shaft swings with a period of {swing_s:.2g} s",
+        )  # fmt: skip
     yield _told("losses of the windings at rated torque, about", d.copper_W(d.rated_Nm), "W")
     rated_A = d.current_A(d.rated_Nm)
     yield from _currents_of_torque(d, step_A)

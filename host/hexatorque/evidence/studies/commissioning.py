@@ -66,20 +66,22 @@ def disturbed(setup: Setup, number: int) -> Setup:
         values = [draw.uniform(-size, size) for _ in range(6)]
         return [value - sum(values) / 6 for value in values]
 
-    return setup.changed(
-        sensors__i_noise_A=1e-3 * full_A,
-        sensors__noise_seed=number + 1,
-        sensors__i_offset_A=[0.01 * full_A * draw.uniform(-1, 1) for _ in range(6)],
-        sensors__i_gain=[1 + draw.uniform(-0.005, 0.005) for _ in range(6)],
-        inverter__v_switch_V=draw.uniform(0.8, 1.6),
-        inverter__v_diode_V=draw.uniform(0.7, 1.4),
-        inverter__r_switch_ohm=draw.uniform(0.5, 1.5) / full_A,
-        inverter__r_diode_ohm=draw.uniform(0.5, 1.5) / full_A,
-        machine__drs_ohm=six(0.03 * setup["machine.rs_ohm"]),
-        machine__dlls_H=six(0.03 * setup["machine.lls_H"]),
-        load__kind="friction",
-        controller__drop_V=0.0,
-    )
+    changes = {
+        "sensors.i_noise_A": 1e-3 * full_A,
+        "sensors.noise_seed": number + 1,
+        "sensors.i_offset_A": [0.01 * full_A * draw.uniform(-1, 1) for _ in range(6)],
+        "sensors.i_gain": [1 + draw.uniform(-0.005, 0.005) for _ in range(6)],
+        "inverter.v_switch_V": draw.uniform(0.8, 1.6),
+        "inverter.v_diode_V": draw.uniform(0.7, 1.4),
+        "inverter.r_switch_ohm": draw.uniform(0.5, 1.5) / full_A,
+        "inverter.r_diode_ohm": draw.uniform(0.5, 1.5) / full_A,
+        "load.kind": "friction",
+        "controller.drop_V": 0.0,
+    }
+    for added, to in (("machine.drs_ohm", "machine.rs_ohm"), ("machine.dlls_H", "machine.lls_H")):
+        if added in setup:
+            changes[added] = six(0.03 * setup[to])
+    return setup.changed(changes)
 
 
 def doubted(name: str) -> Setup:

@@ -8,8 +8,11 @@ are. The lines of `hexatorque new` are medians over all published machines, so t
 them little. The main flux saturates, the devices drop voltage, the dead time is not the stated one,
 and the sensors have noise, offsets, wrong gains and steps.
 
-What is told, in four ways (WAYS). The controller is designed from that alone. `check` judges the
-set-up with what was told, and the scheme is the one that it finds best, as in `hexatorque new`.
+Machines with magnets are drawn and told in `magnets`.
+
+What is told of the others, in four ways (WAYS). The controller is designed from that alone. `check`
+judges the set-up with what was told, and the scheme is the one that it finds best, as in
+`hexatorque new`.
 
 Then the true machine stands in front of the drive: 3, 30, 100 and 150 % of the speed, the torque
 with both signs, load drops and reversals (`acceptance.whole`).
@@ -37,8 +40,10 @@ from ...setups.design import REACH_PU, USABLE, Design
 from ...setups.keys import LXY_LEAST, TIMING_OWNS
 from ...setups.nameplate import FRICTION, IRON, Circuit, Nameplate, pull_out_ratio
 from ...setups.review import best, ready_of, review
+from . import magnets
 from .commissioning import disturbed
 from .grids import Grid, for_terminal
+from .truths import SCATTER, Told, Truth, asked
 
 TITLE = "Machines of all sizes: driven by those who do not know them"
 #: Drawn machines. In quick form these numbers; the last one is a published machine.
@@ -49,13 +54,12 @@ WAYS = {
     "plate with cos φ": 0.97,
     "circuit ±10 to 30 %": 0.98,
     "least keys": 0.98,
+    magnets.WAY: 0.98,
 }
 #: Of what `check` passes this share must hold, of what it calls bad this share must fail.
 HOLDS, FAILS = 0.98, 0.90
 WRITTEN = "as `new` writes it"
 
-#: Standard deviation of a drawn value over its published one, logarithmic.
-SCATTER = 0.15
 #: Over those of the published machine.
 POWER, VOLTAGE = (0.6, 1.6), (0.7, 1.4)
 FREQUENCY_HZ = (50.0, 60.0, 87.0, 100.0)
@@ -81,14 +85,9 @@ FAST_LOAD, FAST_SHARE = 0.5, 0.7
 
 
 @dataclass(frozen=True)
-class Truth:
-    """machine: its values by key. draw: for what is told of it."""
-
-    name: str
+class Induction(Truth):
     plate: Nameplate
     circuit: Circuit
-    machine: dict[str, Any]
-    draw: random.Random
 
 
 def _logarithmic(draw: random.Random, limits: tuple[float, float]) -> float:
@@ -146,7 +145,7 @@ def _starting_s() -> list[float]:
     ]
 
 
-def truth(number: int) -> Truth:
+def truth(number: int) -> Induction:
     """Those from DRAWN on are the published ones."""
     draw, known = random.Random(number), published.machines()
 
@@ -193,22 +192,13 @@ def truth(number: int) -> Truth:
         speed_rpm=round(plate.speed_rpm),
         power_factor=round(plate.power_factor, 2),
     )
-    return Truth(name, stamped, circuit, machine, draw)
+    return Induction(name, plate.power_kW, machine, draw, stamped, circuit)
 
 
 # -- what is told ----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Told:
-    """The set-up of a user; speed and torque that are 100 % for this one."""
-
-    setup: Setup
-    speed_rpm: float
-    torque_Nm: float
-
-
-def told(true: Truth, way: str) -> Told:
+def told(true: Induction, way: str) -> Told:
     """SetupError if `hexatorque new` refuses it."""
     plate, draw = true.plate, random.Random(true.draw.random())
     speed_rpm, torque_Nm = plate.speed_rpm, true.circuit.torque_Nm
@@ -247,13 +237,7 @@ def told(true: Truth, way: str) -> Told:
             ),
             "machine",
         )
-    # What is asked of the drive stands in the file, as that of any user.
-    asked = {
-        "profile.duration_s": 60.0,
-        "profile.speed_rpm": [[0.0, speed_rpm], [40.0, 1.5 * speed_rpm]],
-        "profile.load_Nm": [[0.0, 0.0], [20.0, torque_Nm], [40.0, 0.0]],
-    }
-    return Told(setup.changed(asked), speed_rpm, torque_Nm)
+    return asked(Told(setup, speed_rpm, torque_Nm))
 
 
 def _list(given: dict[str, Any]) -> str:
@@ -290,9 +274,9 @@ def _tried(true: Truth, of: Told, scheme: str, number: int) -> str:
         setup = drive(true, of.setup.with_scheme(scheme), number)
         design = Design(setup, setup.parameter)
         voltage_V = USABLE * REACH_PU * design.vdc_V
-        most_Nm = design.most_torque_Nm(1.5 * of.speed_rpm, voltage_V)
-        fast = min(FAST_LOAD, FAST_SHARE * most_Nm / of.torque_Nm)
-        acceptance.accept(setup, acceptance.whole(fast), (of.speed_rpm, of.torque_Nm))
+        most_Nm = design.most_torque_Nm(of.fast * of.speed_rpm, voltage_V)
+        course = acceptance.whole(min(FAST_LOAD, FAST_SHARE * most_Nm / of.torque_Nm), of.fast)
+        acceptance.accept(setup, course, (of.speed_rpm, of.torque_Nm))
     except NOT_MEASURED as error:
         return str(error)
     return ""
@@ -300,25 +284,26 @@ def _tried(true: Truth, of: Told, scheme: str, number: int) -> str:
 
 def row(number: int, way: str) -> dict[str, Any]:
     """The scheme that `new` writes on one machine; and one of the others, for one of the ways."""
-    true, schemes = truth(number), firmware.schemes()
+    with_magnets, schemes = way == magnets.WAY, firmware.schemes()
+    true = magnets.truth(number) if with_magnets else truth(number)
     found: dict[str, Any] = {
         "number": number,
         "name": true.name,
         "way": way,
-        "power_kW": true.plate.power_kW,
+        "power_kW": true.power_kW,
         "written": "",
         "refused": "",
         "tried": {},
     }
     try:
-        of = told(true, way)
+        of = asked(magnets.told(true)) if with_magnets else told(true, way)
         findings = review(of.setup, schemes)
     except SetupError as error:
         return {**found, "refused": str(error)}
     ready = ready_of(findings, schemes)
     written = best(findings, schemes)[0] or new.FALLBACK
     chosen = [written]
-    if list(WAYS)[number // len(schemes) % len(WAYS)] == way:
+    if with_magnets or list(WAYS)[number // len(schemes) % len(WAYS)] == way:
         chosen.append(schemes[number % len(schemes)])
     for scheme in dict.fromkeys(chosen):
         found["tried"][scheme] = {
@@ -331,7 +316,8 @@ def row(number: int, way: str) -> dict[str, Any]:
 
 def study(quick: bool = False, progress: Progress | None = None) -> dict:
     numbers = QUICK if quick else range(DRAWN + len(published.machines()))
-    cases = [(number, way) for number in numbers for way in WAYS]
+    cases = [(number, way) for number in numbers for way in WAYS if way != magnets.WAY]
+    cases += [(number, magnets.WAY) for number in magnets.numbers(quick)]
     rows = []
     for one in in_order(lambda case: row(*case), cases):
         rows.append(one)

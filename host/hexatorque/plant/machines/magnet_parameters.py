@@ -62,9 +62,16 @@ class Parameters:
         return omega * 30 / math.pi
 
     def swing_rad_s(self, current_A: float) -> float:
-        """Natural frequency of a shaft that direct current holds."""
-        stiffness = 3 * self.pole_pairs**2 * self.psi_f_Wb * current_A
-        return math.sqrt(stiffness / self.inertia_kgm2)
+        """Natural frequency of a shaft that direct current holds; 0 if it does not hold it."""
+        active_Wb = self.psi_f_Wb + (self.ld_H - self.lq_H) * current_A
+        stiffness = 3 * self.pole_pairs**2 * active_Wb * current_A
+        return math.sqrt(max(0.0, stiffness) / self.inertia_kgm2)
+
+    @property
+    def turning_A(self) -> float:
+        """Direct current from which on the rotor turns its q axis there: L_q is larger."""
+        saliency_H = self.lq_H - self.ld_H
+        return self.psi_f_Wb / saliency_H if saliency_H > 0 else math.inf
 
     # -- steady state, as it is asked of every kind of machine ---------------------------------
 
