@@ -3,7 +3,7 @@
 The drive and its link run in QEMU and use the emulated machine's serial port. The plant runs in
 this process, in lock-step with them.
 
-with EmulatedBoard(hexatorque.load("paper-b"), "mps2-an386") as board, Terminal() as line:
+with EmulatedBoard(hexatorque.load("paper-b"), "mps2-an386") as board, new_line() as line:
     print(line.port)
     serve(board, line, until=lambda: False)
 """
@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import system
 from ..drive.simulated import SimulatedDrive
 from ..firmware import FirmwareError
 from ..setups import Setup
@@ -56,7 +57,7 @@ class BoardProcess(ProcessTarget):
         if self._store:
             (place / "store").symlink_to(self._store.absolute())
         for name in ("uart.in", "uart.out"):
-            os.mkfifo(place / name)
+            system.fifo(place / name)
         # QEMU opens both for reading and writing, so that neither of us waits for the other.
         self.uart = [
             os.open(place / "uart.in", os.O_RDWR | os.O_NONBLOCK),
