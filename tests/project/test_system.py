@@ -109,7 +109,7 @@ def test_texts_are_utf_8_everywhere():
         for file in [*FILES, *ROOM.glob("*.py")]
         for node in ast.walk(ast.parse(file.read_text()))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
-        and node.func.attr in ("read_text", "write_text")
+        and (node.func.attr, len(node.args)) in (("read_text", 0), ("write_text", 1))
         and "encoding" not in {keyword.arg for keyword in node.keywords}
     ]  # fmt: skip
     assert unnamed == []
