@@ -9,6 +9,7 @@
 #   make budget        the firmware's instructions, stack and size, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
 #   make bench-peers   two other simulators of drives beside this one, in an environment of their own
+#   make dist          sdist and wheels of all systems, made and checked, in dist/
 #   make docs          the documentation as a site, in build/site
 #   make lint          formatting and static checks
 #   make format        format Python and C
@@ -37,11 +38,11 @@ MUTANTS ?= 1000
 MUTANTS_PYTHON ?= 600
 
 .PHONY: help demo papers papers-quick test test-computes test-waits test-quick test-c test-targets \
-  test-fresh budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs lint format check-c clean
+  test-fresh dist budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,21s/^# \{0,1\}//p' Makefile
+	@sed -n '3,22s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -174,6 +175,14 @@ bench-peers: $(VENV)/.installed
 	  echo "$(PEERS)" >build/peers/.versions; }
 	$(BIN)/python tools/bench_peers.py build/peers/bin/python
 
+# Missing tools are installed first. The first build takes ten minutes: zig compiles each system's C
+# library.
+dist-tools = $(BIN)/python -c 'import twine, ziglang' 2>/dev/null || \
+  HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}dist tools/setup.sh $(VENV)
+dist: $(VENV)/.installed
+	@$(dist-tools)
+	$(BIN)/python tools/wheels.py
+
 # A broken link is an error. Missing tools are installed first.
 docs: $(VENV)/.installed
 	@$(BIN)/python -c 'import latex2mathml, material, mkdocstrings, nbclient' 2>/dev/null || \
@@ -199,4 +208,4 @@ check-c: $(VENV)/.installed
 	$(BIN)/python tools/check_c.py
 
 clean:
-	rm -rf $(VENV) $(VENV).half build out
+	rm -rf $(VENV) $(VENV).half build dist out
