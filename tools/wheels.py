@@ -43,7 +43,8 @@ TUTORIAL = "tests/project/test_tutorial.py::test_every_command_and_picture"
 
 
 def run(*words: str | Path, **more: Any) -> None:
-    subprocess.run([str(word) for word in words], check=True, **more)
+    if subprocess.run([str(word) for word in words], **more).returncode:
+        raise SystemExit(f"wheels: {' '.join(str(word) for word in words[:5])} ... has failed")
 
 
 def zig(name: str, *words: str | Path) -> None:

@@ -46,6 +46,7 @@ def test_a_library_has_all_that_python_takes():
     assert not [name for name in names if name.startswith("HT_")]
 
 
-def test_a_system_that_is_none_is_named(monkeypatch):
+def test_a_system_that_is_none_is_named(ours, monkeypatch):
+    monkeypatch.setattr(wheels, "WORK", ours.parent / "work")
     with pytest.raises(SystemExit, match="no system 'amiga': choose from linux, "):
         wheels.main(["amiga"])
