@@ -2,8 +2,8 @@
 
     python tools/windows.py        needs wine and the extra `dist`
 
-The wheel in dist/ for Windows is installed as a user there would install it, with the libraries for
-Windows. `make test-windows` then runs tests/windows and the C tests under wine.
+The C tests run. The wheel in dist/ for Windows is installed as a user there would install it, with
+the libraries for Windows. `make test-windows` then runs tests/windows.
 
 Wine 8, which Debian 12 has, lacks functions that libraries import: numpy needs complex ones of the
 C library, pydantic a source of random numbers. Two small libraries in tests/windows have them.
@@ -61,7 +61,7 @@ def environment() -> dict[str, str]:
 
 
 def run(*words: str | Path) -> None:
-    if subprocess.run([str(word) for word in words]).returncode:
+    if subprocess.run([str(word) for word in words], env=environment()).returncode:
         raise SystemExit(f"windows: {' '.join(str(word) for word in words[:5])} ... has failed")
 
 
@@ -74,12 +74,13 @@ def make_zig() -> None:
         path.chmod(0o755)
 
 
-def make_c_tests() -> None:
+def run_c_tests() -> None:
     tools = Path(sys.executable).parent
     run(tools / "cmake", "-S", ROOT, "-B", FOLDER / "c", "-G", "Ninja", "--log-level=NOTICE",
         f"-DCMAKE_MAKE_PROGRAM={tools / 'ninja'}", f"-DHT_ZIG={ZIG}",
         f"-DCMAKE_TOOLCHAIN_FILE={ROOT / 'cmake/toolchains/windows.cmake'}")  # fmt: skip
     run(tools / "cmake", "--build", FOLDER / "c", "--", "--quiet")
+    run(tools / "ctest", "--test-dir", FOLDER / "c", "--output-on-failure")
 
 
 def make_python() -> None:
@@ -138,7 +139,7 @@ def main() -> int:
         raise SystemExit("windows: wine is missing: tools/setup-wine.sh")
     run(sys.executable, ROOT / "tools" / "wheels.py", "windows")
     make_zig()
-    make_c_tests()
+    run_c_tests()
     if not PYTHON.exists():
         make_python()
     (wheel,) = (ROOT / "dist").glob("*win_amd64.whl")
