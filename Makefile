@@ -215,4 +215,4 @@ check-c: $(VENV)/.installed
 	$(BIN)/python tools/check_c.py
 
 clean:
-	rm -rf $(VENV) $(VENV).half build dist out
+	rm -rf $(VENV) $(VENV).half build dist out "$${XDG_CACHE_HOME:-$$HOME/.cache}/hexatorque/wine"

