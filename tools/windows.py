@@ -105,8 +105,9 @@ def make_python() -> None:
 def install(wheel: Path) -> None:
     site = PYTHON / "site"
     shutil.rmtree(site, ignore_errors=True)
+    # Copies: `fill_gaps` changes files, and uv's own ones must stay.
     run(sys.executable, "-m", "uv", "pip", "install", "--quiet", "--target", site,
-        "--python-platform", "windows", "--python-version", "3.11", "--only-binary", ":all:",
+        "--link-mode", "copy", "--python-platform", "windows", "--python-version", "3.11", "--only-binary", ":all:",
         f"hexatorque[{EXTRAS}] @ {wheel.as_uri()}")  # fmt: skip
 
 

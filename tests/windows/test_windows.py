@@ -3,8 +3,8 @@
 import os
 import re
 import subprocess
-import urllib.request
 from contextlib import contextmanager
+from urllib.request import HTTPCookieProcessor, build_opener
 
 import numpy as np
 import pytest
@@ -132,6 +132,6 @@ def test_a_board_there_is_commissioned(there, board):
 def test_the_page(there, board):
     with (
         staying(r"(http://\S+)", "board", "monitor", "--no-browser") as page,
-        urllib.request.urlopen(page, timeout=30) as answer,
+        build_opener(HTTPCookieProcessor()).open(page, timeout=30) as answer,
     ):
         assert "hexatorque" in answer.read().decode()
