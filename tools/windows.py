@@ -107,8 +107,8 @@ def install(wheel: Path) -> None:
     shutil.rmtree(site, ignore_errors=True)
     # Copies: `fill_gaps` changes files, and uv's own ones must stay.
     run(sys.executable, "-m", "uv", "pip", "install", "--quiet", "--target", site,
-        "--link-mode", "copy", "--python-platform", "windows", "--python-version", "3.11", "--only-binary", ":all:",
-        f"hexatorque[{EXTRAS}] @ {wheel.as_uri()}")  # fmt: skip
+        "--link-mode", "copy", "--python-platform", "windows", "--python-version", "3.11",
+        "--only-binary", ":all:", f"hexatorque[{EXTRAS}] @ {wheel.as_uri()}")  # fmt: skip
 
 
 def fill_gaps() -> None:
