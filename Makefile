@@ -5,10 +5,12 @@
 #   make test          the tests that need nothing else; HT_WHOLE=1 runs every case of the campaigns
 #   make test-quick    the quick ones of these, for while you edit
 #   make test-targets  the others: emulated processors, browser, static checks; names missing tools
+#   make test-windows  the wheel for Windows under wine: C tests, recordings, a board
 #   make test-fresh    demo and test on two fresh Debians, as a new user does them; needs root
 #   make budget        the firmware's instructions, stack and size, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
 #   make bench-peers   two other simulators of drives beside this one, in an environment of their own
+#   make dist          sdist and wheels of all systems, made and checked, in dist/
 #   make docs          the documentation as a site, in build/site
 #   make lint          formatting and static checks
 #   make format        format Python and C
@@ -29,7 +31,7 @@ SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.s
   pyproject.toml CMakeLists.txt tools/setup.sh
 C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 # All C that is written by hand. Its format is in .clang-format.
-C_FORMATTED := $(shell find firmware tests/c tests/prove tools -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
+C_FORMATTED := $(shell find firmware tests/c tests/prove tests/windows tools -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
 JOBS ?= 2
 WAITING ?= 4
 FUZZ_S ?= 120
@@ -37,11 +39,11 @@ MUTANTS ?= 1000
 MUTANTS_PYTHON ?= 600
 
 .PHONY: help demo papers papers-quick test test-computes test-waits test-quick test-c test-targets \
-  test-fresh budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs lint format check-c clean
+  test-fresh test-windows dist budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,21s/^# \{0,1\}//p' Makefile
+	@sed -n '3,23s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -177,6 +179,20 @@ bench-peers: $(VENV)/.installed
 	  echo "$(PEERS)" >build/peers/.versions; }
 	$(BIN)/python tools/bench_peers.py build/peers/bin/python
 
+# Missing tools are installed first. The first build takes ten minutes: zig compiles each system's C
+# library.
+dist-tools = $(BIN)/python -c 'import twine, ziglang' 2>/dev/null || \
+  HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}dist tools/setup.sh $(VENV)
+dist: $(VENV)/.installed
+	@$(dist-tools)
+	$(BIN)/python tools/wheels.py
+
+test-windows: $(VENV)/.installed
+	@$(dist-tools)
+	@command -v wine >/dev/null || tools/setup-wine.sh
+	$(BIN)/python tools/windows.py
+	HT_WINDOWS=1 $(BIN)/python -m pytest -o cache_dir=build/pytest/windows tests/windows
+
 # A broken link is an error. Missing tools are installed first.
 docs: $(VENV)/.installed
 	@$(BIN)/python -c 'import latex2mathml, material, mkdocstrings, nbclient' 2>/dev/null || \
@@ -202,4 +218,4 @@ check-c: $(VENV)/.installed
 	$(BIN)/python tools/check_c.py
 
 clean:
-	rm -rf $(VENV) $(VENV).half build out
+	rm -rf $(VENV) $(VENV).half build dist out "$${XDG_CACHE_HOME:-$$HOME/.cache}/hexatorque/wine"

@@ -1,10 +1,11 @@
-"""Write the C source of the cffi module from the firmware's own headers.
+"""Write the cffi module `_firmware` from the firmware's own headers.
 
-Usage: generate_cffi.py CC FIRMWARE_DIR OUTPUT.c
+Usage: generate_cffi.py CC FIRMWARE_DIR OUTPUT.py
 
 The headers alone define the interface. The C preprocessor processes them, without the system
-headers, whose types cffi knows, and the result goes to `cdef`. In its API mode, cffi also checks
-sizes and types when the module is compiled.
+headers, whose types cffi knows, and the result goes to `cdef`. The module is plain Python, the same
+on every system and for every version of Python. It opens the library that lies beside it. cffi
+works out how structures lie in memory; tests/firmware/test_layout.py compares that with compilers.
 """
 
 import subprocess
@@ -40,23 +41,33 @@ HEADERS = (
 )
 
 
+#: Where they and what they include lie.
+FOLDERS = (
+    "core",
+    "app",
+    "link",
+    "link/xcp",
+    "port",
+    "port/c2000",
+    "port/host",
+    "port/virtual",
+    "port/fmu",
+    "pil",
+    "pil/registers",
+    "pil/host",
+)
+#: The end of the module. A library's suffix is its system's.
+OPEN = """
+from pathlib import Path
+
+(_library,) = Path(__file__).parent.glob("libhexatorque.*")
+lib = ffi.dlopen(str(_library))
+"""
+
+
 def main() -> None:
     compiler, firmware, output = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
-    folders = (
-        "core",
-        "app",
-        "link",
-        "link/xcp",
-        "port",
-        "port/c2000",
-        "port/host",
-        "port/virtual",
-        "port/fmu",
-        "pil",
-        "pil/registers",
-        "pil/host",
-    )
-    include = [f"-I{firmware / d}" for d in folders]
+    include = [f"-I{firmware / d}" for d in FOLDERS]
     source = "".join(f'#include "{h}"\n' for h in HEADERS)
     with tempfile.TemporaryDirectory() as empty:
         for name in ("stdint.h", "stdbool.h", "stddef.h", "math.h"):
@@ -70,8 +81,9 @@ def main() -> None:
         ).stdout
     ffi = FFI()
     ffi.cdef(cdef)
-    ffi.set_source("hexatorque._firmware", source)
-    ffi.emit_c_code(str(output))
+    ffi.set_source("hexatorque._firmware", None)
+    ffi.emit_python_code(str(output))
+    output.write_text(output.read_text() + OPEN)
 
 
 if __name__ == "__main__":

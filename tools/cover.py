@@ -76,8 +76,9 @@ def build(compiler: str, folder: Path, *options: str) -> None:
     do(beside / "cmake", "--build", folder, stdout=subprocess.DEVNULL)
 
 
-def module() -> Path:
-    return next((WORK / "module").glob("_firmware*.so"))
+#: The module, and the library that it opens.
+MODULE = WORK / "module" / "_firmware.py"
+LIBRARY = MODULE.with_name("libhexatorque.so")
 
 
 def run_tests(found: Tools) -> bool:
@@ -93,7 +94,7 @@ def run_tests(found: Tools) -> bool:
     c = subprocess.run(
         [beside / "ctest", "--output-on-failure", "-E", SAME_AGAIN], cwd=WORK / "c", env=counted
     )
-    other = {"HT_FIRMWARE": str(module()), "PYTHONPATH": str(ROOT / "tools")}
+    other = {"HT_FIRMWARE": str(MODULE), "PYTHONPATH": str(ROOT / "tools")}
     python = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "other_firmware", *TESTS],
         cwd=ROOT, env={**counted, **other},
@@ -109,7 +110,7 @@ def told(found: Tools, *options: str) -> str:
     programs = [p for p in (c / "tests" / "c").rglob("*") if p.is_file() and os.access(p, os.X_OK)]
     objects = [word for p in sorted(programs) for word in ("-object", str(p))]
     return subprocess.run(
-        [found.cov, "export", *options, str(module()), *objects,
+        [found.cov, "export", *options, str(LIBRARY), *objects,
          f"-instr-profile={WORK / 'profile'}", *(str(ROOT / "firmware" / room) for room in ROOMS)],
         check=True, capture_output=True, text=True,
     ).stdout  # fmt: skip

@@ -109,11 +109,10 @@ def main() -> int:
     os.dup2(2, 1)
     os.environ["HT_FIRMWARE"] = firmware
     # The changed object file calls the other ones of this firmware.
-    sys.setdlopenflags(os.RTLD_NOW | os.RTLD_GLOBAL)
-    import other_firmware  # noqa: F401
-
-    sys.setdlopenflags(os.RTLD_NOW)
+    library = str(Path(firmware).with_name("libhexatorque.so"))
+    ctypes.CDLL(library, os.RTLD_NOW | os.RTLD_GLOBAL)
     import hypothesis
+    import other_firmware  # noqa: F401
     import pytest
 
     phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
@@ -123,7 +122,7 @@ def main() -> int:
     hypothesis.settings.load_profile("mutants")
     words = ["-q", "-s", "-p", "no:cacheprovider", "-p", "no:logging", "-p", "no:xdist",
              "-W", "ignore::pytest.PytestAssertRewriteWarning"]  # fmt: skip
-    plugin = Plugin(firmware, int(limit_s), requests, answers)
+    plugin = Plugin(library, int(limit_s), requests, answers)
     return int(pytest.main([*words, *folders], plugins=[plugin]))
 
 

@@ -136,7 +136,7 @@ class Bench:
         """seconds: what each file of tests takes."""
         self.folder, self.seconds = WORK / f"job{number}", seconds
         self.right: dict[str, bytes] = {}  # object files of the firmware as it is
-        module = next((WORK / "module").glob("_firmware.*.so"))
+        module = WORK / "module" / "_firmware.py"
         folders = [f"tests/firmware/{room}" for room in FIRMWARE.rooms]
         words = [sys.executable, "tools/mutant_tests.py", module, LIMIT_S, *folders]
         log = self.folder.with_suffix(".txt").open("w")

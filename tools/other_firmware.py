@@ -1,5 +1,6 @@
-"""A pytest plugin: the tests run with another build of the firmware than the installed one. Its
-path is in HT_FIRMWARE. Use: `PYTHONPATH=tools python -m pytest -p other_firmware ...`."""
+"""A pytest plugin: the tests run with another build of the firmware than the installed one.
+HT_FIRMWARE has the path of its `_firmware.py`. Use:
+`PYTHONPATH=tools python -m pytest -p other_firmware ...`."""
 
 import importlib.util
 import os

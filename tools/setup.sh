@@ -4,7 +4,7 @@
 #   tools/setup.sh [VENV_DIR]
 #
 # Needs Python 3.11 or newer and a C compiler. On Debian and Ubuntu the modules
-# that Python's packages leave out (venv, headers) are installed with apt if this
+# that Python's packages leave out (venv) are installed with apt if this
 # runs as root; otherwise the command to run is printed.
 #
 # With HT_OLDEST=1 every library that pyproject.toml names has the oldest version that it allows.
@@ -30,11 +30,8 @@ command -v "${CC:-cc}" >/dev/null 2>&1 || command -v gcc >/dev/null 2>&1 ||
 
 missing=""
 "$python" -c 'import ensurepip, venv' 2>/dev/null || missing="$missing python3-venv"
-"$python" -c 'import os, sys, sysconfig
-sys.exit(not os.path.exists(os.path.join(sysconfig.get_paths()["include"], "Python.h")))' ||
-    missing="$missing python3-dev"
 if [ -n "$missing" ]; then
-    command -v apt-get >/dev/null 2>&1 || fail "Python lacks:$missing (venv module, C headers)"
+    command -v apt-get >/dev/null 2>&1 || fail "Python lacks:$missing"
     [ "$(id -u)" -eq 0 ] || fail "run first: sudo apt-get install$missing"
     echo "hexatorque set-up: installing$missing with apt"
     apt-get update -qq

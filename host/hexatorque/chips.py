@@ -15,7 +15,7 @@ SOURCES = next(
     for folder in (PACKAGE / "source", PACKAGE.parents[1])
     if (folder / "firmware").is_dir()
 )
-_TABLE = (SOURCES / "port" / "c2000" / "ht_chips.def").read_text()
+_TABLE = (SOURCES / "port" / "c2000" / "ht_chips.def").read_text(encoding="utf-8")
 
 #: The chips for which the firmware has drivers and a register model, by number (`ht_device`).
 DEVICES = tuple(re.findall(r"^HT_CHIP\((\w+),", _TABLE, re.M))
@@ -25,6 +25,6 @@ BOARDS = tuple(re.findall(r"^HT_CHIP_BOARD\(\w+, (\w+)\)", _TABLE, re.M))
 
 def number_of(header: str, name: str) -> float:
     """The number that a header of the firmware defines as a macro of this name."""
-    text = (SOURCES / header).read_text()
+    text = (SOURCES / header).read_text(encoding="utf-8")
     (number,) = re.findall(rf"^#define {name} ([-\d.e]+)[fu]?\b", text, re.M)
     return float(number)

@@ -5,18 +5,14 @@ Studies (`sweeps`) have processes, because a run that hangs or dies must not end
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
+from .system import usable_cores
+
 A = TypeVar("A")
 B = TypeVar("B")
-
-
-def usable_cores() -> int:
-    """The cores that this process may use: in a container often fewer than the computer has."""
-    return len(os.sched_getaffinity(0))
 
 
 def in_order(

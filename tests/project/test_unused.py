@@ -23,6 +23,7 @@ REASONS = {
         "list_parameters", "_", "_saturates",
     },
     "the tool takes it by the name of the program that it measures": {"motulator", "gem"},
+    "pyserial reads it": {"write_timeout"},
     "the C reads it": {
         "memory_size", "wrong_locks", "wrong_percent", "never_locks", "no_crystal",
     },

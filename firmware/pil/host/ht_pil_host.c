@@ -1,14 +1,9 @@
-#define _POSIX_C_SOURCE 200809L
-
 #include "ht_pil_host.h"
 #include "ht_board_of_device.h"
+#include "ht_pil_pipe.h"
 #include "ht_snapshot.h"
 
-#include <errno.h>
-#include <poll.h>
 #include <string.h>
-#include <time.h>
-#include <unistd.h>
 
 #define QEPSTS 0x1Cu /* of the eQEP */
 
@@ -71,32 +66,14 @@ static void down(ht_link *l, ht_link_error why)
     }
 }
 
-static int64_t now_ms(void)
-{
-    struct timespec t;
-    (void)clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
-}
-
 /* Wait until the descriptor is ready. False, with the link down, after the time-out. */
-static bool wait_for(ht_link *l, int fd, short what, int64_t until_ms)
+static bool wait_for(ht_link *l, int fd, bool to_write, int64_t until_ms)
 {
-    for (;;) {
-        struct pollfd p;
-        int64_t left = until_ms - now_ms();
-        int n;
-        p.fd = fd;
-        p.events = what;
-        p.revents = 0;
-        n = (left > 0) ? poll(&p, 1, (int)left) : 0;
-        if (n > 0) {
-            return true; /* ready, or closed: the access will tell */
-        }
-        if ((n == 0) || (errno != EINTR)) {
-            down(l, HT_LINK_SILENT);
-            return false;
-        }
+    if (ht_pipe_wait(fd, to_write, until_ms)) {
+        return true;
     }
+    down(l, HT_LINK_SILENT);
+    return false;
 }
 
 /* The open request as bytes of a frame. Returns their number. */
@@ -118,15 +95,13 @@ static void send(ht_link *l, uint16_t n, int64_t until_ms)
 {
     uint16_t done = 0u;
     while ((done < n) && (l->error == (uint16_t)HT_LINK_UP)) {
-        ssize_t sent = write(l->to_target, &l->bytes[done], (size_t)(n - done));
+        int sent = ht_pipe_write(l->to_target, &l->bytes[done], (uint16_t)(n - done));
         if (sent > 0) {
             done = (uint16_t)(done + sent);
-        } else if (errno == EAGAIN) {
-            (void)wait_for(l, l->to_target, POLLOUT, until_ms);
-        } else if (errno != EINTR) {
-            down(l, HT_LINK_CLOSED);
+        } else if (sent == HT_PIPE_LATER) {
+            (void)wait_for(l, l->to_target, true, until_ms);
         } else {
-            /* again */
+            down(l, HT_LINK_CLOSED);
         }
     }
 }
@@ -151,14 +126,14 @@ static bool take(ht_link *l, const unsigned char *bytes, uint16_t n)
 
 static void receive(ht_link *l, int64_t until_ms)
 {
-    while ((l->error == (uint16_t)HT_LINK_UP) && wait_for(l, l->from_target, POLLIN, until_ms)) {
-        ssize_t n = read(l->from_target, l->bytes, sizeof l->bytes);
+    while ((l->error == (uint16_t)HT_LINK_UP) && wait_for(l, l->from_target, false, until_ms)) {
+        int n = ht_pipe_read(l->from_target, l->bytes, (uint16_t)sizeof l->bytes);
         if (n > 0) {
             l->heard += (uint32_t)n;
             if (take(l, l->bytes, (uint16_t)n)) {
                 return;
             }
-        } else if ((n == 0) || ((errno != EINTR) && (errno != EAGAIN))) {
+        } else if (n == HT_PIPE_CLOSED) {
             down(l, HT_LINK_CLOSED);
         } else {
             /* again */
@@ -200,7 +175,7 @@ static bool exchange(ht_link *l, uint16_t opcode, ht_reader *r)
     if (l->local != NULL) {
         through_local(l, close_request(l));
     } else {
-        int64_t until_ms = now_ms() + l->timeout_ms;
+        int64_t until_ms = ht_pipe_now_ms() + l->timeout_ms;
         send(l, close_request(l), until_ms);
         receive(l, until_ms);
     }

@@ -3,7 +3,7 @@
 The drive and its link run in QEMU and use the emulated machine's serial port. The plant runs in
 this process, in lock-step with them.
 
-with EmulatedBoard(hexatorque.load("paper-b"), "mps2-an386") as board, Terminal() as line:
+with EmulatedBoard(hexatorque.load("paper-b"), "mps2-an386") as board, new_line() as line:
     print(line.port)
     serve(board, line, until=lambda: False)
 """
@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import system
 from ..drive.simulated import SimulatedDrive
 from ..firmware import FirmwareError
 from ..setups import Setup
@@ -63,7 +64,7 @@ class BoardProcess(ProcessTarget):
         # QEMU opens both for reading and writing, so that neither of us waits for the other.
         self.lines = []
         for name, how in itertools.product(("uart", "xcp"), ("in", "out")):
-            os.mkfifo(place / f"{name}.{how}")
+            system.fifo(place / f"{name}.{how}")
             mode = os.O_RDWR if how == "in" else os.O_RDONLY
             self.lines.append(os.open(place / f"{name}.{how}", mode | os.O_NONBLOCK))
         return self.lines

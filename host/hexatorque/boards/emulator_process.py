@@ -9,6 +9,7 @@ import tempfile
 import weakref
 from pathlib import Path
 
+from .. import system
 from ..firmware import ffi, lib
 from . import tools
 from .processor import Target
@@ -37,18 +38,6 @@ def qemu(machine: str, image: Path, serial: tuple[str, ...] = ("-serial", "none"
     ]  # fmt: skip
 
 
-def pipe(place: Path, name: str, theirs: int) -> tuple[int, int]:
-    """Make a pipe whose end `theirs` (0: to read, 1: to write) another process inherits and opens
-    under this name. Returns our end and theirs. To open a FIFO takes a partner at its other end,
-    so a process that opened one after this program's death would wait for ever; a pipe opens, and
-    shows that nobody is there any more."""
-    ends = os.pipe()
-    (place / name).symlink_to(f"/dev/fd/{ends[theirs]}")
-    ours = ends[1 - theirs]
-    os.set_blocking(ours, False)
-    return ours, ends[theirs]
-
-
 def _end(process: subprocess.Popen, files: list[int], folder: tempfile.TemporaryDirectory) -> None:
     process.kill()
     process.wait()
@@ -68,17 +57,13 @@ class ProcessTarget(Target):
         self.name = name
         folder = tempfile.TemporaryDirectory(prefix="hexatorque-")
         place = Path(folder.name)
-        to_target, its_input = pipe(place, "to_target", 0)
-        from_target, its_output = pipe(place, "from_target", 1)
+        to_target, its_input = system.inherited_pipe(place, "to_target", 0)
+        from_target, its_output = system.inherited_pipe(place, "from_target", 1)
         files = [to_target, from_target, *self.prepare(place)]
         self._said = place / "stderr"
         try:
-            with self._said.open("w") as said:
-                # In a session of its own: Ctrl-C reaches only this program, which then ends it.
-                self.process = subprocess.Popen(
-                    command, cwd=place, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-                    stderr=said, start_new_session=True, pass_fds=(its_input, its_output),
-                )  # fmt: skip
+            with self._said.open("w", encoding="utf-8") as said:
+                self.process = system.emulator(command, place, said, (its_input, its_output))
         finally:  # if this program held them, the end of either process would not show
             os.close(its_input)
             os.close(its_output)
@@ -102,7 +87,7 @@ class ProcessTarget(Target):
             self.process.wait(ENDING_S if self.link.error == lib.HT_LINK_CLOSED else 0.2)
         if self.process.returncode is None:
             return f" ({self.link.timeout_ms / 1000:g} s)"
-        said = self._said.read_text().strip().splitlines()
+        said = self._said.read_text(encoding="utf-8").strip().splitlines()
         last = f": {said[-1]}" if said else ""
         return f" (status {self.process.returncode}{last})"
 

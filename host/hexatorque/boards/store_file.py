@@ -9,12 +9,13 @@ place, and only a new file is made in one step.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import sys
 import tempfile
 from pathlib import Path
+from typing import BinaryIO
 
+from .. import system
 from ..firmware import FirmwareError, MemoryStore, lib
 
 #: The first bytes of such a file.
@@ -23,26 +24,25 @@ assert len(HEAD) == lib.HT_STORE_FILE_HEAD
 SIZE = len(HEAD) + MemoryStore.SIZE
 
 
-def open_file(path: Path) -> int:
-    """Open the file for this board alone, and make it if it does not exist. Returns a descriptor.
+def open_file(path: Path) -> BinaryIO:
+    """Open the file for this board alone, and make it if it does not exist, without a buffer.
     FirmwareError if it cannot be opened, is in use, or is another kind of file."""
     try:
         if not path.exists():
             _make(path)
-        file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        file = path.open("r+b", buffering=0)
     except OSError as error:
         raise FirmwareError(f"{path}: {error.strerror}") from None
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        raw = os.pread(file, SIZE + 1, 0)
-    except BlockingIOError:
-        os.close(file)
-        raise FirmwareError(f"{path}: another board has it") from None
+        if not system.lock(file.fileno()):
+            file.close()
+            raise FirmwareError(f"{path}: another board has it")
+        raw = file.read(SIZE + 1)
     except OSError as error:
-        os.close(file)
+        file.close()
         raise FirmwareError(f"{path}: {error.strerror}") from None
     if len(raw) != SIZE or not raw.startswith(HEAD):
-        os.close(file)
+        file.close()
         raise FirmwareError(
             f"{path}: not a store of parameters (such a file has {SIZE} bytes and begins with "
             f"{HEAD.decode()!r}); name another file, a new one is made"
@@ -52,13 +52,17 @@ def open_file(path: Path) -> int:
 
 def _make(path: Path) -> None:
     """Make the file of an erased store, in one step."""
-    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.") as fresh:
-        fresh.write(HEAD + b"\xff" * MemoryStore.SIZE)
-        fresh.flush()
-        os.fsync(fresh.fileno())
-        os.chmod(fresh.name, 0o644)
+    file, fresh = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with open(file, "wb") as erased:
+            erased.write(HEAD + b"\xff" * MemoryStore.SIZE)
+            erased.flush()
+            os.fsync(file)
+        os.chmod(fresh, 0o644)
         with contextlib.suppress(FileExistsError):  # another process has just made the same file
-            os.link(fresh.name, path)
+            os.link(fresh, path)
+    finally:
+        os.unlink(fresh)
 
 
 class FileStore(MemoryStore):
@@ -67,11 +71,13 @@ class FileStore(MemoryStore):
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file = open_file(path)
-        super().__init__(bytearray(os.pread(self._file, MemoryStore.SIZE, len(HEAD))))
+        self._file.seek(len(HEAD))
+        super().__init__(bytearray(self._file.read(MemoryStore.SIZE)))
 
     def put(self, begin: int, raw: bytes) -> bool:
         try:
-            done = os.pwrite(self._file, raw, len(HEAD) + begin)
+            self._file.seek(len(HEAD) + begin)
+            done = self._file.write(raw)
             if done != len(raw):
                 raise OSError(0, "no space left")
         except OSError as error:
@@ -81,6 +87,4 @@ class FileStore(MemoryStore):
 
     def close(self) -> None:
         """Release the file for another board. May be called again."""
-        if self._file >= 0:
-            os.close(self._file)
-            self._file = -1
+        self._file.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import shutil
@@ -11,6 +10,7 @@ import sys
 import zlib
 from pathlib import Path
 
+from .. import system
 from ..chips import SOURCES
 from ..setups import SetupError
 
@@ -69,6 +69,9 @@ def missing(*names: str) -> str | None:
 
 
 def need(*names: str) -> None:
+    """MissingTool names the programs that are missing."""
+    if not system.EMULATORS_RUN:
+        raise MissingTool("emulated processors run on Linux and macOS only")
     line = missing(*names)
     if line:
         raise MissingTool(line)
@@ -114,22 +117,22 @@ def build(preset: str, *targets: str) -> Path:
     folder = _build_folder(source, preset)
     folder.mkdir(parents=True, exist_ok=True)
     cmake, ninja, digest = program("cmake"), program("ninja"), _digest(source)
-    with (folder / ".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with (folder / ".lock").open("w", encoding="utf-8") as lock:
+        system.lock(lock.fileno(), wait=True)
         built = folder / ".built"
-        same = built.exists() and built.read_text() == digest
+        same = built.exists() and built.read_text(encoding="utf-8") == digest
         fresh = [] if same else ["--fresh"]  # without cache and object files
         built.unlink(missing_ok=True)
         configure = [cmake, "--preset", preset, "-B", folder, "-G", "Ninja", *fresh]
         run([*configure, f"-DCMAKE_MAKE_PROGRAM={ninja}"], source)
         run([cmake, "--build", folder, *(["--target", *targets] if targets else [])], source)
-        built.write_text(digest)
+        built.write_text(digest, encoding="utf-8")
     return folder
 
 
 def objects(folder: Path, *libraries: str) -> dict[Path, Path]:
     """The object file of each source of these libraries or programs, in a build folder."""
-    rows = json.loads((folder / "compile_commands.json").read_text())
+    rows = json.loads((folder / "compile_commands.json").read_text(encoding="utf-8"))
     found = {}
     for row in rows:
         output = folder / row["output"]
@@ -140,7 +143,7 @@ def objects(folder: Path, *libraries: str) -> dict[Path, Path]:
 
 def optimisation(folder: Path, library: str) -> str:
     """A library's optimisation options: the level, and whether it is optimised when linked."""
-    rows = json.loads((folder / "compile_commands.json").read_text())
+    rows = json.loads((folder / "compile_commands.json").read_text(encoding="utf-8"))
     command = next(row["command"] for row in rows if f"{library}.dir" in row["output"]).split()
     level = [word for word in command if word.startswith("-O")][-1]  # the last one counts
     return " ".join([level, *(word for word in command if word == "-flto")])

@@ -1,7 +1,8 @@
-"""A virtual board: firmware and plant in one process, with a pseudo-terminal as serial port.
+"""A virtual board: firmware and plant in one process, with a pseudo-terminal or a TCP port as
+serial port.
 
 board = VirtualBoard(hexatorque.load("paper-b"))
-with Terminal() as line:
+with new_line() as line:
     print(line.port)          # what a client opens
     serve(board, line, until=lambda: False)
 
@@ -16,7 +17,6 @@ import os
 import select
 import socket
 import time
-import tty
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from .. import __version__, firmware
+from .. import __version__, firmware, system
 from ..drive.simulated import SimulatedDrive
 from ..firmware import FirmwareError, ffi, lib
 from ..recording.recording import Recording
@@ -175,18 +175,35 @@ class VirtualBoard:
         return self.sim.take()
 
 
+class Line(Protocol):
+    """A virtual board's end of the line. `port` is the name of the clients' end, `lost` the number
+    of bytes that were dropped because the client did not read them."""
+
+    port: str
+    lost: int
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def wait(self, seconds: float, *others: socket.socket) -> None:
+        """Wait until bytes come, also from `others`, but not longer than `seconds`."""
+
+    def read(self) -> bytes: ...
+
+    def write(self, raw: bytes) -> None:
+        """Send bytes to the client. As on a wire, bytes that do not fit its buffer are lost."""
+
+
 class Terminal:
-    """A pseudo-terminal in raw mode. `port` is the name of the end for clients."""
+    """A pseudo-terminal in raw mode."""
 
     def __init__(self) -> None:
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)  # kept open: a client that leaves does not end the line
-        os.set_blocking(self._master, False)
-        self.port = os.ttyname(self._slave)
-        #: Number of bytes that were dropped because the client did not read them.
+        # The clients' end is kept open: a client that leaves does not end the line.
+        self._master, self._slave, self.port = system.pseudo_terminal()
         self.lost = 0
 
-    def __enter__(self) -> Terminal:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -205,7 +222,6 @@ class Terminal:
             return b""
 
     def write(self, raw: bytes) -> None:
-        """Send bytes to the client. As on a wire, bytes that do not fit its buffer are lost."""
         while raw:
             try:
                 sent = os.write(self._master, raw)
@@ -217,9 +233,70 @@ class Terminal:
             raw = raw[sent:]
 
 
+class Tcp:
+    """A TCP port of this computer. One client at a time has it. Without one, bytes are lost as on
+    a wire that ends nowhere."""
+
+    def __init__(self, number: int = 0) -> None:
+        """number: 0 for a free one. OSError if it is taken."""
+        self._listener = socket.create_server(("127.0.0.1", number))
+        self._listener.setblocking(False)
+        self._client: socket.socket | None = None
+        self.port = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
+        self.lost = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._drop()
+        self._listener.close()
+
+    def _drop(self) -> None:
+        if self._client:
+            self._client.close()
+        self._client = None
+
+    def wait(self, seconds: float, *others: socket.socket) -> None:
+        select.select([self._client or self._listener, *others], [], [], max(0.0, seconds))
+
+    def read(self) -> bytes:
+        try:
+            if self._client is None:
+                self._client, _ = self._listener.accept()
+                self._client.setblocking(False)
+                self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            raw = self._client.recv(4096)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            raw = b""
+        if not raw:  # it has left
+            self._drop()
+        return raw
+
+    def write(self, raw: bytes) -> None:
+        while raw and self._client:
+            try:
+                raw = raw[self._client.send(raw) :]
+            except BlockingIOError:
+                break
+            except OSError:
+                self._drop()
+        self.lost += len(raw)
+
+
+def new_line(tcp: int | None = None) -> Line:
+    """A line of its own kind for each system: a pseudo-terminal where there are any, else a TCP
+    port. tcp: a TCP port of this number everywhere, 0 for a free one."""
+    if tcp is None and system.PSEUDO_TERMINALS_EXIST:
+        return Terminal()
+    return Tcp(tcp or 0)
+
+
 def serve(
     board: VirtualBoard,
-    line: Terminal,
+    line: Line,
     until: Callable[[], bool],
     record: OwnRecording | None = None,
     xcp: XcpPort | None = None,

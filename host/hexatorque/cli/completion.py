@@ -169,10 +169,12 @@ def _install(ctx: click.Context, param: click.Parameter, given: str | None) -> N
         script, start = config / "hexatorque" / f"completion.{shell}", Path.home() / f".{shell}rc"
     try:
         script.parent.mkdir(parents=True, exist_ok=True)
-        script.write_text(_script(ctx, shell) + "\n")
+        script.write_text(_script(ctx, shell) + "\n", encoding="utf-8")
         line = f"source '{script}'\n"
-        if start is not None and (not start.exists() or line not in start.read_text()):
-            with start.open("a") as file:
+        if start is not None and (
+            not start.exists() or line not in start.read_text(encoding="utf-8")
+        ):
+            with start.open("a", encoding="utf-8") as file:
                 file.write(line)
     except OSError as error:
         raise HexatorqueError(f"{error.filename}: {error.strerror}") from None

@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from .. import __version__
+from .. import __version__, system
 from ..errors import HexatorqueError
 from . import completion
 from .board.app import board
@@ -72,6 +72,7 @@ for command in COMMANDS:
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code. A user's mistake ends in one line on standard error.
     Libraries warn developers, not users: what they warn of is shown with PYTHONWARNINGS only."""
+    system.prepare_output()
     if not sys.warnoptions:
         warnings.showwarning = _nothing
     try:

@@ -81,7 +81,7 @@ def new(file, nameplate, circuit, magnets, force) -> int:
         text = writing.from_nameplate(nameplate, title)
     text, scheme, why = writing.with_best_scheme(text, file.stem)
     try:
-        file.write_text(text)
+        file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise options.Mistake(f"{file}: {error.strerror}") from None
     print(f"scheme {scheme or writing.FALLBACK}: {why}")

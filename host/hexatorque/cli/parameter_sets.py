@@ -102,7 +102,7 @@ def parameter_set(source: str, drive: BoardDrive | None) -> ParameterSet:
 def _saved(path: Path) -> dict[str, object] | None:
     """The values of a file of `params save`; None if it is a set-up's."""
     try:
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ParameterSetError(f"{path}: {reason}") from None

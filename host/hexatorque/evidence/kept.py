@@ -47,14 +47,14 @@ class Kept:
     def load(self, default: Any = None) -> Any:
         """The default: not measured yet, or a damaged file."""
         try:
-            return json.loads(self.path.read_text())
+            return json.loads(self.path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return default
 
     def save(self, values: Any) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         part = self.path.with_suffix(f".{os.getpid()}.part")
-        part.write_text(json.dumps(values) + "\n")
+        part.write_text(json.dumps(values) + "\n", encoding="utf-8")
         part.replace(self.path)
 
     def get(self, measure: Callable[[], Any]) -> Any:

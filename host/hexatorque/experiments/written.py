@@ -36,7 +36,7 @@ def write(
     `make_folder`). Returns the paths of the files except the recordings, the report last. `written`
     is called with the number of files that have been written since the last call."""
     metrics_file = folder / "metrics.json"
-    metrics_file.write_text(json.dumps(comparison.as_json(), indent=1) + "\n")
+    metrics_file.write_text(json.dumps(comparison.as_json(), indent=1) + "\n", encoding="utf-8")
     written(1)
     # A thread: the compression leaves this one free to draw.
     with ThreadPoolExecutor(1) as pool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-import platform
 import re
 import struct
 import subprocess
@@ -17,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import firmware
+from .. import firmware, system
 from ..boards.tools import BuildError, program
 from ..chips import SOURCES
 from ..setups import Setup, SetupError, parameters
@@ -47,7 +46,7 @@ ZIG = {
     "x86_64-macos": ("darwin64", "x86_64-darwin", ".dylib"),
     "aarch64-macos": ("darwin64", "aarch64-darwin", ".dylib"),
 }
-HERE = "x86_64-linux-gnu.2.17"
+HERE = system.zig_target()
 
 
 def _alone(text: str) -> str:
@@ -65,7 +64,7 @@ def sources(setup: Setup, version: int) -> dict[str, str]:
         for path in sorted((SOURCES / folder).iterdir()):
             other = path.name.startswith(f"ht_fmi{5 - version}")
             if path.suffix in (".c", ".h", ".def") and not other:
-                found[path.name] = _alone(path.read_text())
+                found[path.name] = _alone(path.read_text(encoding="utf-8"))
     literals = {name: repr(np.float32(v).item()) for name, v in starts(setup).items()}
     lines = [f"#define HT_INITIAL_{name} ({text}f)" for name, text in literals.items()]
     found[INITIAL] = "\n".join([f"/* The parameters of {setup.name}. */", *lines]) + "\n"
@@ -114,9 +113,8 @@ def _binaries(
 ) -> dict[str, bytes]:
     """Path in the FMU -> binary."""
     if not has_zig():
-        here = (sys.platform, platform.machine()) == ("linux", "x86_64")
         found = program("cc") or program("gcc") or program("clang")
-        if not here or found is None:
+        if HERE not in ZIG or found is None:
             raise SetupError("fmu: no compiler for it here: pip install 'hexatorque[fmu]'")
         targets = {HERE: [found]}
     else:
@@ -135,7 +133,11 @@ def licence() -> str:
     """The package's licence, which has to be with its sources."""
     files = metadata.files("hexatorque") or []
     own = [path for path in files if path.match("*.dist-info/licenses/LICENSE")]
-    return own[0].read_text() if own else (SOURCES.parent / "LICENSE").read_text()
+    return (
+        own[0].read_text(encoding="utf-8")
+        if own
+        else (SOURCES.parent / "LICENSE").read_text(encoding="utf-8")
+    )
 
 
 def write(
@@ -163,7 +165,7 @@ def write(
         folder.mkdir()
         out.mkdir()
         for name, text in files.items():
-            (folder / name).write_text(text)
+            (folder / name).write_text(text, encoding="utf-8")
         binaries = _binaries(folder, out, version, only_here, progress)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("modelDescription.xml", description)

@@ -64,7 +64,7 @@ def json_text(fields: dict) -> str:
 
 def save(rec: Recording, path: Path) -> None:
     fields = header_of(rec)
-    beside(path)[0].write_text(json_text(fields))
+    beside(path)[0].write_text(json_text(fields), encoding="utf-8")
     ticks = rec.ticks
     formats = ["%.12g", *["%d"] * (ticks is not None)]
     formats += [_DIGITS.get(kind, "%d") for kind in fields["types"].values()]

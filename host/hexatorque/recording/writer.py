@@ -86,7 +86,7 @@ class Writer:
         if left and self._csv:
             left = False
             with suppress(OSError, ValueError, AttributeError):
-                header = json.loads(beside(self.path)[0].read_text())
+                header = json.loads(beside(self.path)[0].read_text(encoding="utf-8"))
                 left = False in (header.get("closed"), header.get("meta", {}).get("closed"))
         if left:
             raise RecordingError(
@@ -201,7 +201,8 @@ class Writer:
             self._write_beside(closed=False)
             return
         try:
-            os.pwrite(self._file.fileno(), journal.counters_line(new), self._counters_at)
+            self._file.seek(self._counters_at)
+            self._file.write(journal.counters_line(new))
         except OSError as error:
             raise self._failed(error) from None
 
@@ -272,7 +273,7 @@ class Writer:
         )  # fmt: skip
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            draft.write_text(csv.stream_header(self.stream, samples, meta))
+            draft.write_text(csv.stream_header(self.stream, samples, meta), encoding="utf-8")
             draft.replace(path)
         except OSError as error:
             with suppress(OSError):

@@ -3,9 +3,9 @@ its length instead of in a frame, and some messages of the server itself."""
 
 from __future__ import annotations
 
-import os
 from enum import IntEnum
 
+from .. import system
 from . import LinkError
 
 #: A client that waits for a reply gets this often a sign that the server runs.
@@ -33,7 +33,7 @@ class Notice(IntEnum):
 
 def is_process(url: str) -> bool:
     """Whether the port is a pseudo-terminal, with a process at its other end."""
-    return os.path.realpath(url).startswith("/dev/pts/")
+    return "://" not in url and system.is_pseudo_terminal(url)
 
 
 def packed(body: bytes) -> bytes:

@@ -1,18 +1,16 @@
 """The directory in which the processes of one user find each other. Running virtual boards
-announce their pseudo-terminals in it, and each port server has its socket and its lock there."""
+announce their ports in it, and each port server has its socket and its lock there."""
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import stat
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from .. import system
 from . import LinkError
 
 
@@ -24,13 +22,13 @@ def directory() -> Path:
     else:
         import tempfile  # slow to import
 
-        path = Path(tempfile.gettempdir()) / f"hexatorque-{os.getuid()}"
+        path = Path(tempfile.gettempdir()) / f"hexatorque-{system.user_name()}"
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = path.lstat()
     except OSError as error:
         raise LinkError(f"{path}: {error.strerror}") from None
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+    if not stat.S_ISDIR(found.st_mode) or not system.is_private(found):
         raise LinkError(f"{path}: must be a directory that belongs to you alone (mode 700)")
     return path
 
@@ -40,19 +38,6 @@ def port_path(url: str, suffix: str) -> Path:
     error messages. The name is short even if the port's name is long."""
     name = url if "://" in url else os.path.realpath(url)
     return directory() / f"port-{zlib.crc32(name.encode()):08x}.{suffix}"
-
-
-@contextmanager
-def short(path: Path) -> Iterator[str]:
-    """A name for this socket that fits a socket's address, 107 bytes."""
-    if len(os.fsencode(path)) < 100:
-        yield str(path)
-        return
-    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        yield f"/proc/self/fd/{folder}/{path.name}"
-    finally:
-        os.close(folder)
 
 
 class Locked(NamedTuple):
@@ -65,38 +50,33 @@ class Locked(NamedTuple):
 def locked(path: Path) -> Locked | None:
     """The contents of a server's lock file; None if it cannot be read."""
     try:
-        row = json.loads(path.read_text())
+        row = json.loads(path.read_text(encoding="utf-8"))
         return Locked(int(row["pid"]), *(str(row[key]) for key in Locked._fields[1:]))
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
-def announce(port: str, title: str, baud: int = 0) -> Path:
-    """Announce that this process serves a board on `port`. `baud` is its baud rate, 0 if that is
-    not known. Returns the file, which the caller removes at the end."""
-    path = directory() / f"board-{os.getpid()}-{Path(port).name}.json"
-    text = json.dumps({"port": port, "title": title, "baud": baud})
-    partial = path.with_suffix(".part")
-    # It stays open, and so locked, until this process has ended in whatever way. A process number
-    # would say less: a killed process keeps its own until its parent has asked, and then another
-    # process gets it.
-    file = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
-    fcntl.flock(file, fcntl.LOCK_EX)
-    os.write(file, text.encode())
-    partial.replace(path)
-    return path
+class Announcement:
+    """That this process serves a board: a file that names it, and a lock beside the file. The lock
+    is held until this process has ended in whatever way. A process number would say less: a killed
+    process keeps its own until its parent has asked, and then another process gets it."""
 
+    def __init__(self, port: str, title: str, baud: int = 0) -> None:
+        """baud: the board's baud rate, 0 if that is not known."""
+        name = f"board-{os.getpid()}-{zlib.crc32(port.encode()):08x}"
+        self._path = directory() / f"{name}.json"
+        self._lock_path = self._path.with_suffix(".lock")
+        self._lock = os.open(self._lock_path, os.O_RDWR | os.O_CREAT, 0o600)
+        system.lock(self._lock, wait=True)
+        partial = self._path.with_suffix(".part")
+        partial.write_text(
+            json.dumps({"port": port, "title": title, "baud": baud}), encoding="utf-8"
+        )
+        partial.replace(self._path)
 
-def _locked(path: Path) -> bool:
-    """Whether the process that announced a board still runs."""
-    file = os.open(path, os.O_RDONLY)
-    try:
-        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(file)
-    return False
+    def close(self) -> None:
+        self._path.unlink(missing_ok=True)
+        system.remove_locked(self._lock_path, self._lock)
 
 
 class Announced(NamedTuple):
@@ -110,14 +90,15 @@ def announced() -> list[Announced]:
     boards = []
     for path in sorted(directory().glob("board-*.json")):
         try:
-            row = json.loads(path.read_text())
+            row = json.loads(path.read_text(encoding="utf-8"))
             board = Announced(str(row["port"]), str(row["title"]), int(row.get("baud", 0)))
-            lives = _locked(path)
+            lives = system.is_locked(path.with_suffix(".lock"))
         except (ValueError, KeyError, TypeError, OSError):
             lives = False
         if not lives:
             path.unlink(missing_ok=True)
-        elif os.path.exists(board.port):
+            path.with_suffix(".lock").unlink(missing_ok=True)
+        elif "://" in board.port or os.path.exists(board.port):
             boards.append(board)
     return boards
 
@@ -125,6 +106,6 @@ def announced() -> list[Announced]:
 def bauds_for(url: str, bauds: tuple[int, ...]) -> tuple[int, ...]:
     """The baud rates to try at a port. A rate that a virtual board has announced comes first,
     because each wrong rate takes a second."""
-    port = os.path.realpath(url)
+    port = url if "://" in url else os.path.realpath(url)
     own = tuple(board.baud for board in announced() if board.port == port and board.baud)
     return own + tuple(baud for baud in bauds if baud not in own)

@@ -10,18 +10,17 @@ It does not import numpy, so it starts quickly.
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import select
 import signal
-import socket
 import sys
 import time
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
+from .. import system
 from . import LinkError, port, runtime, wire
 from .exchange import Busy, NoReply, is_process
 from .sharing import REPLY_S, Server, random_number, reply_s, tries
@@ -87,8 +86,8 @@ def _opened(url: str, baud: int) -> port.Line:
         try:
             return port.Line(url, baud)
         except Busy:
-            holder = port.holder_of(url)
-            ending = holder is None or port.is_server(holder.pid)
+            holder = system.holder_of(url)
+            ending = holder is None or system.runs_module(holder.pid, f"{__package__}.server")
             if not ending or time.monotonic() > end_s:
                 raise
             time.sleep(0.02)
@@ -98,9 +97,7 @@ def _lock(path: Path, url: str) -> int | None:
     """The lock of this port's server, or None if another one has it."""
     while True:
         file = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if not system.lock(file):
             os.close(file)
             return None
         with suppress(FileNotFoundError):
@@ -109,7 +106,7 @@ def _lock(path: Path, url: str) -> int | None:
         os.close(file)  # the lock of a server that was just ending
     row = runtime.Locked(
         os.getpid(),
-        port.command_of(os.getpid()),
+        system.command_of(os.getpid()),
         datetime.now().astimezone().isoformat(timespec="seconds"),
         url,
     )
@@ -122,14 +119,17 @@ def _report(**words: object) -> None:
     """Report to the process that started this one and waits for it."""
     with suppress(OSError):
         os.write(1, json.dumps(words).encode() + b"\n")
+    _to_nowhere(1)
+
+
+def _to_nowhere(file: int) -> None:
     nothing = os.open(os.devnull, os.O_RDWR)
-    os.dup2(nothing, 1)
+    os.dup2(nothing, file)
     os.close(nothing)
 
 
 def main(url: str, bauds: tuple[int, ...], quick: bool) -> int:
-    if os.fork():
-        os._exit(0)  # the client waits only for this process, not for the server
+    system.detach()
     os.chdir("/")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
@@ -143,14 +143,11 @@ def main(url: str, bauds: tuple[int, ...], quick: bool) -> int:
     try:
         line = _opened(url, bauds[0])
         baud = _probe(line, bauds, quick)
-        path.unlink(missing_ok=True)  # the socket of a server that was killed
-        listener = socket.socket(socket.AF_UNIX)
-        with runtime.short(path) as address:
-            listener.bind(address)
+        listener, secret = system.listen(path)
         listener.listen(64)
         listener.setblocking(False)
         _report(ready=True)
-        Server(line, baud, listener).run()
+        Server(line, baud, listener, secret).run()
     except LinkError as error:
         kind = {"busy": isinstance(error, Busy), "silent": isinstance(error, NoReply)}
         _report(error=str(error), mistake=error.mistake, **kind)
@@ -162,8 +159,10 @@ def main(url: str, bauds: tuple[int, ...], quick: bool) -> int:
         path.unlink(missing_ok=True)
         if line:
             line.close()
-        lock.unlink(missing_ok=True)
-    log.unlink(missing_ok=True)
+        system.remove_locked(lock, held)
+    _to_nowhere(2)
+    with suppress(PermissionError):  # on Windows, of a client that is just starting another server
+        log.unlink(missing_ok=True)
     return 0
 
 

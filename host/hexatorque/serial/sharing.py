@@ -20,6 +20,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from secrets import compare_digest
 from typing import Any
 
 from .. import __version__
@@ -65,8 +66,9 @@ def reply_s(baud: int, line_bytes: int, wait_s: float = REPLY_S) -> float:
 class Peer:
     """A connected client."""
 
-    def __init__(self, connection: socket.socket) -> None:
+    def __init__(self, connection: socket.socket, secret: bytes = b"") -> None:
         self.socket = connection
+        self.secret = secret  #: with which it still has to begin
         self.unpacker = Unpacker()
         self.out = bytearray()
         self.heard_s = time.monotonic()
@@ -121,8 +123,11 @@ class Slot:
 
 
 class Server:
-    def __init__(self, line: port.Line, baud: int, listener: socket.socket) -> None:
-        self.line, self.baud, self.listener = line, baud, listener
+    def __init__(
+        self, line: port.Line, baud: int, listener: socket.socket, secret: bytes = b""
+    ) -> None:
+        """secret: the bytes with which each client begins."""
+        self.line, self.baud, self.listener, self.secret = line, baud, listener, secret
         self.tries = tries(line.url)
         self.peers: list[Peer] = []
         self.queue: deque[Job] = deque()
@@ -334,7 +339,7 @@ class Server:
         except OSError:
             return  # it has already left
         connection.setblocking(False)
-        peer = Peer(connection)
+        peer = Peer(connection, self.secret)
         greeting = {
             "pid": os.getpid(),
             "version": __version__,
@@ -380,9 +385,10 @@ class Server:
             return
         except OSError:
             data = b""
-        if not data:
+        if not data or not compare_digest(data[: len(peer.secret)], peer.secret):
             self._leave(peer)
             return
+        data, peer.secret = data[len(peer.secret) :], b""
         peer.heard_s = time.monotonic()
         try:
             for body in peer.unpacker.push(data):

@@ -7,8 +7,6 @@ import json
 import os
 import select
 import socket
-import struct
-import subprocess
 import sys
 import threading
 import time
@@ -16,7 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from .. import __version__
+from .. import __version__, system
 from . import LinkError, runtime
 from .exchange import PULSE_S, Busy, NoReply, Notice, Unpacker, is_process, packed
 
@@ -32,7 +30,7 @@ START_S = 20.0
 def hung(url: str, pid: int) -> LinkError:
     return LinkError(
         f"{url}: the port server, process {pid}, does not answer; the board stops a running "
-        f"drive by itself after 250 ms; end it with: kill -9 {pid}"
+        f"drive by itself after 250 ms; end it with: {system.kill_command(pid)}"
     )
 
 
@@ -92,7 +90,11 @@ class Transport:
     def again(self) -> bool:
         """Try once to open a lost port again. A pseudo-terminal is not opened again, because its
         name may now belong to another process."""
-        if self.url.startswith("/dev/pts/") and self.reason.startswith("unplugged"):
+        if (
+            is_process(self.url)
+            and not os.path.islink(self.url)
+            and self.reason.startswith("unplugged")
+        ):
             return False
         if "://" not in self.url and not os.path.exists(self.url):
             return False
@@ -172,7 +174,8 @@ class Transport:
             connection.close()
             raise LinkError(
                 f"{self.url}: the port server, process {greeting['pid']}, is of hexatorque "
-                f"{greeting['version']}, this is {__version__}; end it with: kill {greeting['pid']}"
+                f"{greeting['version']}, this is {__version__}; end it with: "
+                f"{system.end_command(greeting['pid'])}"
             )
         if greeting["baud"] not in self._bauds and not is_process(self.url):
             connection.close()
@@ -188,21 +191,14 @@ class Transport:
 
     def _dial(self) -> socket.socket | None:
         path = runtime.port_path(self.url, "sock")
-        connection = socket.socket(socket.AF_UNIX)
-        connection.settimeout(MISSED_PULSES * PULSE_S)
         try:
-            with runtime.short(path) as address:
-                connection.connect(address)
+            return system.dial(path, MISSED_PULSES * PULSE_S)
         except (FileNotFoundError, ConnectionRefusedError):
-            connection.close()
             return None
         except (TimeoutError, BlockingIOError):  # the server does not accept connections
-            connection.close()
             raise self._nobody() from None
         except OSError as error:
-            connection.close()
             raise LinkError(f"{self.url}: {error.strerror or error}") from None
-        return connection
 
     def _greeted(self, connection: socket.socket) -> dict | None:
         """The server's greeting; None if it has just ended."""
@@ -212,10 +208,9 @@ class Transport:
             if not select.select([connection], [], [], PULSE_S)[0]:
                 missed += 1
                 if missed == MISSED_PULSES:
-                    # The process that has bound the socket, even if it does not run.
-                    peer = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
+                    pid = system.pid_of(connection)
                     connection.close()
-                    raise hung(self.url, struct.unpack("3i", peer)[0])
+                    raise hung(self.url, pid) if pid else self._nobody()
                 continue
             try:
                 data = connection.recv(4096)
@@ -242,18 +237,12 @@ class Transport:
         path = os.pathsep.join(filter(None, (package, os.environ.get("PYTHONPATH"))))
         log = runtime.port_path(self.url, "log")
         with log.open("ab") as complaints:
-            process = subprocess.Popen(
+            line = system.first_line_of(
                 # -P: import nothing from the user's current directory.
                 [sys.executable, "-P", "-m", f"{__package__}.server", url,
                  ",".join(str(baud) for baud in self._bauds), *(["quick"] if self._quick else [])],
-                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=complaints,
-                env={**os.environ, "PYTHONPATH": path}, start_new_session=True,
+                {**os.environ, "PYTHONPATH": path}, complaints, START_S,
             )  # fmt: skip
-        assert process.stdout
-        with process.stdout:
-            ready = select.select([process.stdout], [], [], START_S)[0]
-            line = process.stdout.readline() if ready else b""
-        process.wait()  # the server continues as its child
         if not line:
             return {
                 "error": f"{self.url}: the port server does not start, see {log}",

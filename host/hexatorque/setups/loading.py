@@ -49,7 +49,7 @@ def beside(name: str, folder: Path, builtin: Callable[[], list[str]] = builtin_n
 
 
 def builtin_text(name: str) -> str:
-    return (resources.files(__package__) / "builtin" / f"{name}.toml").read_text()
+    return (resources.files(__package__) / "builtin" / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def text_of(path: Path) -> str:
@@ -57,7 +57,7 @@ def text_of(path: Path) -> str:
     if not path.suffix and not path.exists():
         raise SetupError(f"no set-up {str(path)!r}{suggest(str(path), builtin_names())}")
     try:
-        return path.read_text()
+        return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:
         raise SetupError(f"{error.strerror}{other_file(path)}") from None
     except (OSError, ValueError) as error:

@@ -90,7 +90,7 @@ class Machine:
 
 @cache
 def machines() -> tuple[Machine, ...]:
-    text = (resources.files(__package__) / "data" / FILE).read_text()
+    text = (resources.files(__package__) / "data" / FILE).read_text(encoding="utf-8")
     rows = []
     for row in csv.DictReader(io.StringIO(text)):
         numbers = {

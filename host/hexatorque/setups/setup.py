@@ -69,7 +69,7 @@ class Setup:
         section, _, key = str(path).partition(".")
         if section == "machine":
             return key in self._machine_keys()
-        return (section in KEYS and key in KEYS[section]) or path in paths.every()
+        return (section in KEYS and key in KEYS[section]) or str(path) in paths.every()
 
     def changed(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> Setup:
         """A copy with other values: `changed({"controller.scheme": "ddr", "machine.rs_ohm": 2})`,

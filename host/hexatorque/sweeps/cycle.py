@@ -90,12 +90,12 @@ def read(name: str | Path) -> Cycle:
 
     path = Path(name)
     if str(name) in ready():
-        text = (resources.files(__package__) / "cycles" / f"{name}.csv").read_text()
+        text = (resources.files(__package__) / "cycles" / f"{name}.csv").read_text(encoding="utf-8")
     elif not path.suffix and not path.exists():
         raise StudyError(f"cycle {name}: there is none{suggest(str(name), ready())}")
     else:
         try:
-            text = path.read_text()
+            text = path.read_text(encoding="utf-8")
         except (OSError, ValueError) as error:
             raise StudyError(
                 f"cycle {name}: {getattr(error, 'strerror', None) or 'no text file'}"

@@ -6,7 +6,6 @@ killed while it wrote. That row is computed again.
 
 from __future__ import annotations
 
-import fcntl
 import json
 import math
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
+from .. import system
 from .errors import StudyError
 from .work import Row
 
@@ -28,7 +28,7 @@ class Journal:
         what = json.loads(json.dumps({FORMAT: 1, **what}))
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file: IO[str] = path.open("a+", encoding="utf-8")
+            self._file: IO[str] = path.open("a+", encoding="utf-8", newline="\n")
         except OSError as error:
             raise StudyError(f"{path}: {error.strerror}") from None
         try:
@@ -39,9 +39,11 @@ class Journal:
 
     def _begin(self, what: dict[str, Any], resume: bool) -> None:
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise StudyError(f"{self.path}: another process is at work on this study") from None
+            alone = system.lock(self._file.fileno())
+        except OSError as error:
+            raise StudyError(f"{self.path}: {error.strerror}") from None
+        if not alone:
+            raise StudyError(f"{self.path}: another process is at work on this study")
         self._file.seek(0)
         first = self._file.readline()
         if not first.endswith("\n"):  # nothing, or not even the first line

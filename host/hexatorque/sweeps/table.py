@@ -91,7 +91,9 @@ def write_lines(
                 writer.writerow(columns)
                 for row in rows:
                     writer.writerow("" if _is_nan(cell) else cell for cell in row)
-            draft.with_suffix(".json").write_text(json.dumps(meta, indent=1) + "\n")
+            draft.with_suffix(".json").write_text(
+                json.dumps(meta, indent=1) + "\n", encoding="utf-8"
+            )
     except OSError as error:
         raise StudyError(f"{path}: {one_line(error)}") from None
 

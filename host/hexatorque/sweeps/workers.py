@@ -5,7 +5,6 @@ All of them are used through `concurrent.futures`. What they add is how to end a
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import os
 import signal
@@ -16,12 +15,10 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import forkserver
-from multiprocessing.context import BaseContext
 from types import ModuleType
 from typing import Any, Protocol
 
-from ..parallel import usable_cores
+from .. import system
 from .errors import StudyError
 
 #: A process that is this much over its time limit is killed: it does not look at the time itself.
@@ -104,22 +101,16 @@ def _begin() -> None:
 def load_ahead() -> None:
     """Start the server from which the workers are forked, if it does not run yet. It loads the
     simulation, which takes more than a second, while the caller reads and checks its study."""
-    _context()
+    system.worker_context(LOADED_ONCE)
     with _bare_start():
-        forkserver.ensure_running()
-
-
-def _context() -> BaseContext:
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([LOADED_ONCE])
-    return context
+        system.prepare_workers()
 
 
 class _Process:
     """One worker: a pool of one process, so that its death concerns one task."""
 
     def __init__(self) -> None:
-        context = _context()
+        context = system.worker_context(LOADED_ONCE)
         self.ready_s: float | None = None
         self._pool = ProcessPoolExecutor(1, context, _begin)
         with _bare_start():
@@ -136,15 +127,14 @@ class _Process:
     def end(self) -> None:
         self._pool.shutdown(wait=False, cancel_futures=True)
         if self.ready_s is not None:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._pid.result(), signal.SIGKILL)
+            system.kill(self._pid.result())
 
 
 class Processes:
     """So many processes on this machine. One that dies or hangs is replaced."""
 
     def __init__(self, jobs: int | None = None) -> None:
-        self.slots = jobs or usable_cores()
+        self.slots = jobs or system.usable_cores()
         self.batch = 1
         self._idle: list[_Process] = []
         self._busy: dict[Future, tuple[_Process, float]] = {}
@@ -210,7 +200,7 @@ class Given:
     def __init__(self, executor: Executor, jobs: int | None = None) -> None:
         self._executor = executor
         # Two tasks a worker, so that none waits for the next one.
-        self.slots = 2 * (jobs or getattr(executor, "_max_workers", None) or usable_cores())
+        self.slots = 2 * (jobs or getattr(executor, "_max_workers", None) or system.usable_cores())
 
     def look(self) -> None:
         """An executor that has broken says so in its futures."""

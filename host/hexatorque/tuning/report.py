@@ -138,10 +138,10 @@ def write(tuned: Tuned, source: str, folder: Path, command: str) -> dict[str, An
 
     request = tuned.request
     file, report = folder / f"{request.setup.name}-tuned.toml", folder / "report.html"
-    file.write_text(setup_text(tuned, source))
+    file.write_text(setup_text(tuned, source), encoding="utf-8")
     picture = draw(tuned, folder / "trade-off.png")
     result = as_json(tuned, file, report)
-    (folder / "tune.json").write_text(json.dumps(result, indent=1) + "\n")
+    (folder / "tune.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     names = list(dict.fromkeys(name for o in front(tuned.tried) for name in o.chosen))
     write_page(
         report,

@@ -89,17 +89,17 @@ class Journal:
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        text = file.read_text() if file.exists() else ""
+        text = file.read_text(encoding="utf-8") if file.exists() else ""
         whole = text[: text.rfind("\n") + 1]  # the last line is cut off if the process was killed
         self._entries: list[dict[str, Any]] = [json.loads(line) for line in whole.splitlines()]
         if whole != text:
-            file.write_text(whole)
+            file.write_text(whole, encoding="utf-8")
 
     def read_logs(self, log_number_from: int) -> list[dict[str, Any]]:
         return self._entries[log_number_from:]
 
     def append_logs(self, logs: list[dict[str, Any]]) -> None:
-        with self._file.open("a") as file:
+        with self._file.open("a", encoding="utf-8") as file:
             file.write("".join(json.dumps(entry) + "\n" for entry in logs))
         self._entries += logs
 

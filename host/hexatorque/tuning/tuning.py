@@ -11,10 +11,10 @@ from typing import Any
 from .. import __version__
 from ..experiments.operating_points import Progress
 from ..parallel import each as run_each
-from ..parallel import usable_cores
 from ..setups import Setup, SetupError, parameters
 from ..setups.keys import TIMING_OWNS
 from ..setups.review import review
+from ..system import usable_cores
 from . import course, search, space
 from .aim import Figures, Weights, aim
 from .course import Lost, Times, Where

@@ -406,7 +406,7 @@ def test_list(board, capsys, monkeypatch):
     monkeypatch.setattr(devices.list_ports, "comports", lambda: [])
     assert main(["board", "list"]) == 1
     assert "no board found; start a virtual one" in capsys.readouterr().err
-    runtime.announce(os.path.realpath(board), "my board")
+    runtime.Announcement(os.path.realpath(board), "my board")
     assert main(["board", "list", "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)
     assert found["where"] == "my board" and found["device"] == "virtual f28377s"
@@ -417,7 +417,7 @@ def test_list_names_who_has_a_port(board, capsys, monkeypatch):
     from hexatorque.serial import devices, runtime
 
     monkeypatch.setattr(devices.list_ports, "comports", lambda: [])
-    runtime.announce(os.path.realpath(board), "my board")
+    runtime.Announcement(os.path.realpath(board), "my board")
     code = "import sys; f = open(sys.argv[1]); print(flush=True); sys.stdin.read()"
     with Forked(["-c", code, board], pipes=("stdin", "stdout")) as other:
         other.stdout.readline()

@@ -14,6 +14,7 @@ import pytest
 from forked import Forked
 from waiting import WAIT_S, until
 
+from hexatorque import system
 from hexatorque.cli.main import main
 from hexatorque.drive.board import BoardDrive
 from hexatorque.serial import LinkError, devices, runtime, server, sharing, wire
@@ -163,16 +164,13 @@ def path_of(board):
     return runtime.port_path(board, "sock")
 
 
-@pytest.fixture
-def address(board):
-    with runtime.short(path_of(board)) as name:
-        yield name
+def dial(board):
+    return system.dial(path_of(board), WAIT_S)
 
 
-def test_wrong_bytes_on_the_socket_affect_no_other_client(board, first, second, address):
+def test_wrong_bytes_on_the_socket_affect_no_other_client(board, first, second):
     for rubbish in (b"\0" * 9, os.urandom(9000), b"\0" + b"\x05abcd" + b"\0", b"\xff\xff"):
-        with socket.socket(socket.AF_UNIX) as peer:
-            peer.connect(address)
+        with dial(board) as peer:
             peer.sendall(rubbish)
     assert second.get("scheme") == "ddr"
 
@@ -215,13 +213,11 @@ with BoardDrive.open(sys.argv[1]) as drive:
 """
 
 
-def test_a_stop_goes_before_waiting_requests(board, first, address):
+def test_a_stop_goes_before_waiting_requests(board, first):
     """Requests of many clients are queued. A STOP goes before all of them, and withdraws a
     START."""
-    with socket.socket(socket.AF_UNIX) as crowd, socket.socket(socket.AF_UNIX) as stopper:
+    with dial(board) as crowd, dial(board) as stopper:
         for peer in (crowd, stopper):
-            peer.settimeout(WAIT_S)
-            peer.connect(address)
             assert peer.recv(4096)
         crc = first.client.dictionary
         ask = [wire.request(Op.GET, k, 0, crc, bytes(200)) for k in range(6)]
@@ -402,11 +398,10 @@ def test_the_messages_advice_helps(board):
         assert drive.resets == 0
 
 
-def test_a_client_that_does_not_read_blocks_no_other_client(board, first, address):
+def test_a_client_that_does_not_read_blocks_no_other_client(board, first):
     """Its samples are buffered up to a limit. The other clients get theirs."""
-    with socket.socket(socket.AF_UNIX) as deaf:
+    with dial(board) as deaf:
         deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        deaf.connect(address)
         crc = first.client.dictionary
         deaf.sendall(packed(wire.request(Op.OPEN, 1, 0, crc, wire.open_session(1, 1))))
         deaf.sendall(packed(wire.request(Op.STREAM, 2, 0, crc, wire.stream(0, (2,) * 6, 10))))
@@ -441,7 +436,7 @@ def announced(shared_board, monkeypatch):
     """Only announced boards are found, and not the ports of this computer."""
     monkeypatch.setattr(devices.list_ports, "comports", lambda: [])
     port = os.path.realpath(shared_board.url)
-    runtime.announce(port, "a virtual board")
+    runtime.Announcement(port, "a virtual board")
     return port
 
 
@@ -467,7 +462,7 @@ def test_a_killed_board_is_not_announced_before_its_parent_has_asked_for_it(tmp_
     """Until then it has its process number, and its port's name may be another's already."""
     code = (
         "import signal, sys; from hexatorque.serial import runtime; "
-        "runtime.announce(sys.argv[1], 'killed'); print(flush=True); signal.pause()"
+        "runtime.Announcement(sys.argv[1], 'killed'); print(flush=True); signal.pause()"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     with subprocess.Popen(
@@ -509,7 +504,7 @@ def test_a_device_that_is_no_board_is_skipped(announced, monkeypatch):
 
 
 def test_none_and_several_boards(announced, monkeypatch, own_board):
-    runtime.announce(os.path.realpath(own_board.url), "another")
+    runtime.Announcement(os.path.realpath(own_board.url), "another")
     with pytest.raises(LinkError, match="2 boards found, choose one: /dev/pts/") as caught:
         BoardDrive.open()
     assert caught.value.mistake

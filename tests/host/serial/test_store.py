@@ -9,6 +9,8 @@ import struct
 import threading
 import time
 import zlib
+from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -222,12 +224,13 @@ def test_disk_that_is_full(tmp_path, capsys, monkeypatch):
     """The board says that it failed, and the file's name is on its standard error."""
     store = FileStore(tmp_path / "a.store")
     device = Device(store=store)
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "pwrite", full)
-    reply = device.ask(SAVE)
+    full = SimpleNamespace(
+        seek=lambda *_: 0, write=mock.Mock(side_effect=OSError(28, "No space left on device"))
+    )
+    with monkeypatch.context() as with_a_full_disk:
+        with_a_full_disk.setattr(store, "_file", full)
+        reply = device.ask(SAVE)
+    store.close()
     assert (reply.status, reply.payload) == (STORE, b"\x00\x00")
     assert capsys.readouterr().err.strip() == f"hexatorque: {store.path}: No space left on device"
 

@@ -123,6 +123,6 @@ def commission(steps, current, travel, turns, speed, out, device, baud, as_json)
 def _write(file: Path, text: str) -> None:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text)
+        file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise Mistake(f"{file}: {error.strerror}") from None

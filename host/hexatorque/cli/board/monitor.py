@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import threading
 from pathlib import Path
 
 import click
 
+from ... import system
 from .. import options
 from ..group import examples
 from ..options import Mistake
@@ -56,5 +55,5 @@ def _browse(url: str) -> None:
     """Open a browser, if there is a screen: one in the terminal would take it over."""
     import webbrowser
 
-    if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+    if system.has_screen():
         webbrowser.open(url)

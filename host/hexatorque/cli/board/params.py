@@ -92,7 +92,7 @@ def save(file, device, baud, as_json) -> int:
         text, count = text_of(drive), len(drive.params)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text)
+        file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise Mistake(f"{file}: {error.strerror}") from None
     say(as_json, {"file": str(file), "parameters": count})

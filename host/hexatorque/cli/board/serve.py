@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 
+from ... import system
 from .. import options
 from ..group import examples
 from ..options import Mistake
@@ -72,19 +73,25 @@ LONG_S = 60.0
     type=int,
     help="an XCP slave on this TCP and UDP port of this computer as well; 5555 is XCP's own, 0 any",
 )
-@options.file("--link", metavar="PATH", help="a fixed name for the port")
+@options.value(
+    "--tcp",
+    metavar="PORT",
+    type=options.http_port,
+    help="a TCP port of this computer in place of a pseudo-terminal; 0: a free one. On Windows "
+    "there is nothing else",
+)
+@options.file("--link", metavar="PATH", help="a fixed name for the pseudo-terminal")
 @options.file("--record", metavar="FILE", help="the simulation's own recording")
 @options.as_json
 def serve(
-    setup, settings, load, machine, baud, fast, store, breaks, xcp, link, record, as_json
+    setup, settings, load, machine, baud, fast, store, breaks, tcp, xcp, link, record, as_json
 ) -> int:
     """A virtual board: firmware and plant behind a serial port.
 
-    Runs firmware and plant in one process that serves the serial protocol on a pseudo-terminal,
-    as the image on a DSP does on its serial port. Prints the port. Ends with Ctrl-C.
+    Runs firmware and plant in one process that serves the serial protocol on a pseudo-terminal or
+    a TCP port, as the image on a DSP does on its serial port. Prints the port. Ends with Ctrl-C.
     """
     from ...boards.own_recording import OwnRecording
-    from ...boards.virtual import Terminal
     from ...boards.virtual import serve as serve_board
     from ...boards.xcp_port import XcpPort
     from ...recording.formats import check_output
@@ -96,14 +103,14 @@ def serve(
     with compiling():
         made = _make(setup, settings, load, machine, baud, fast, store)
     network = nullcontext() if xcp is None else closing(XcpPort(xcp))
-    with made as board, network as port, Terminal() as line, _name(link, line.port):
-        for sign in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    with made as board, network as port, _line(tcp) as line, _name(link, line.port):
+        for sign in system.ENDING:
             signal.signal(sign, lambda *_: ended.append(True))
         if load is not None:
             board.sim.set("load_Nm", load)
         for phase, kind, after_s in breaks:
             board.sim.break_leg(phase, kind, after_s)
-        file = runtime.announce(line.port, board.title, board.controller.baud)
+        announcement = runtime.Announcement(line.port, board.title, board.controller.baud)
         try:
             if as_json:
                 facts = {"port": line.port, "baud": board.controller.baud, "title": board.title,
@@ -121,7 +128,7 @@ def serve(
             own = None if record is None else OwnRecording(board.sim, record)
             serve_board(board, line, until=lambda: bool(ended), record=own, xcp=port)
         finally:
-            file.unlink(missing_ok=True)
+            announcement.close()
         if own is not None:
             if own.seconds > LONG_S:
                 print(f"writing {own.seconds:.0f} s to {record}", file=sys.stderr)
@@ -146,6 +153,15 @@ def _make(name, settings, load, machine, baud, fast, store):
     return EmulatedBoard(setup, machine, baud, fast, store=store)
 
 
+def _line(tcp: int | None):
+    from ...boards.virtual import new_line
+
+    try:
+        return new_line(tcp)
+    except OSError as error:
+        raise Mistake(f"--tcp {tcp}: {error.strerror or error}") from None
+
+
 class _name:
     """A symbolic link while it is needed."""
 
@@ -158,7 +174,9 @@ class _name:
 
         if self._path is None:
             return
-        if self._path.is_symlink() and self._target().startswith("/dev/pts/"):
+        if "://" in self._port:
+            raise Mistake(f"--link {self._path}: a TCP port has no other name")
+        if self._path.is_symlink() and system.is_pseudo_terminal(self._target()):
             if self._target() in (board.port for board in announced()):
                 raise Mistake(f"{self._path}: is the name of another board that runs")
             self._path.unlink()  # of a board that was killed

@@ -49,7 +49,7 @@ def papers(ids, quick, rivals, output, as_json) -> int:
     index.html with all verdicts. Interrupted, it goes on where it was.
     """
     from ...evidence.papers.engine import page, reproduce
-    from ...parallel import usable_cores
+    from ...system import usable_cores
 
     names = reproduce.chosen(ids)
     reproduce.make_folder(output)
@@ -118,7 +118,9 @@ def studies(names, quick, output, as_json) -> int:
             result = module.study(quick, work.advance)
             work.begin(f"{name}: drawing")
             try:
-                (output / f"{name}.json").write_text(json.dumps(result, indent=1) + "\n")
+                (output / f"{name}.json").write_text(
+                    json.dumps(result, indent=1) + "\n", encoding="utf-8"
+                )
                 picture = module.plot(result, output / f"{name}.png")
             except OSError as error:
                 raise RecordingError(f"{error.filename}: {error.strerror}") from None

@@ -6,22 +6,20 @@ instructions of one fast interrupt, drivers and protection included.
 
 from __future__ import annotations
 
-import contextlib
 import re
 import shutil
 import subprocess
 import tempfile
 import time
-from multiprocessing import forkserver
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ... import firmware
 from ...drive.simulated import SimulatedDrive
 from ...experiments.operating_points import MOST_EDGES, Point, Progress, approach
-from ...parallel import usable_cores
 from ...setups import Setup, SetupError
 from ...sweeps.study import Study
+from ...system import usable_cores, workers_MB
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -73,7 +71,7 @@ def write_trace(setup: Setup, path: Path) -> None:
     values = "\n".join(f"{v:.9g}" for v in controller.drive.params.v)
     device = firmware.DEVICES.index(setup["timing.device"])
     lines = [f"device {device} periods {len(rows)}", "params", values, *rows, ""]
-    path.write_text("\n".join(lines))
+    path.write_text("\n".join(lines), encoding="utf-8")
 
 
 def instructions(
@@ -126,17 +124,6 @@ def scaling(setup: Setup) -> dict[str, float]:
         found[name] = (len(times_s) - jobs) / (times_s[-1] - times_s[jobs - 1])
         found["worker_MB"] = memory_MB
     return found
-
-
-def workers_MB() -> list[float]:
-    """Memory that each worker of a study shares with no other process; Linux only."""
-    server = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
-    sizes = []
-    with contextlib.suppress(OSError):
-        for pid in Path(f"/proc/{server}/task/{server}/children").read_text().split():
-            text = Path(f"/proc/{pid}/smaps_rollup").read_text()
-            sizes.append(sum(map(int, re.findall(r"^Private\w+:\s+(\d+)", text, re.M))) / 1e3)
-    return sizes
 
 
 def bench(

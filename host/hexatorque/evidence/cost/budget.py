@@ -141,7 +141,7 @@ def measure(setup: Setup, progress: Progress | None = None) -> dict:
 
 
 def limits() -> dict:
-    return tomllib.loads((tools.source_root() / "firmware/budget.toml").read_text())
+    return tomllib.loads((tools.source_root() / "firmware/budget.toml").read_text(encoding="utf-8"))
 
 
 def exceeded(result: dict, limit: dict) -> list[str]:
@@ -174,8 +174,8 @@ def write(result: dict, folder: Path) -> list[Path]:
     """Write budget.json and budget.md."""
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / "budget.json", folder / "budget.md"]
-    files[0].write_text(json.dumps(result, indent=1) + "\n")
-    files[1].write_text(page(result, limits()))
+    files[0].write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    files[1].write_text(page(result, limits()), encoding="utf-8")
     return files
 
 

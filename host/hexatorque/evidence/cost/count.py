@@ -203,7 +203,7 @@ def executed(
         inside = False
         interrupts = 0
         pattern = re.compile(r"\[[0-9a-f]+/([0-9a-f]+)/")
-        with log.open() as file:
+        with log.open(encoding="utf-8") as file:
             for line in file:
                 found = pattern.search(line)
                 if not found:

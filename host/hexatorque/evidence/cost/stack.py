@@ -61,7 +61,7 @@ def _own_bytes(files: Iterable[Path]) -> dict[str, int]:
     """Function -> bytes of stack, from the stack usage files."""
     sizes: dict[str, int] = {}
     for file in files:
-        for line in file.read_text().splitlines():
+        for line in file.read_text(encoding="utf-8").splitlines():
             place, size, kind = line.split("\t")
             name = place.rsplit(":", 1)[1]
             if kind not in ("static", "dynamic,bounded"):

@@ -13,10 +13,10 @@ from pathlib import Path
 from ....build import build
 from ....drive.simulated import DriveFault
 from ....experiments.operating_points import NotReached, Progress
-from ....parallel import usable_cores
 from ....recording.recording import RecordingError
 from ....setups import SetupError
 from ....sweeps.workers import Died, Processes
+from ....system import usable_cores
 from .. import ENTRIES
 from .figure import Verdict
 from .job import Job
@@ -89,7 +89,7 @@ def make(name: str, job: Job, folder: Path) -> dict:
         "build": build(),
     }
     # The JSON file is written last, so its existence means that the figure is complete.
-    (folder / f"{name}.json").write_text(json.dumps(data, indent=1) + "\n")
+    (folder / f"{name}.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     return data
 
 
@@ -97,7 +97,7 @@ def kept(name: str, quick: bool, folder: Path, rivals: int = 1) -> dict | None:
     """A figure that an earlier run of the same build has completed, or None."""
     rivals = rivals if ENTRIES[name].rivals else 1
     try:
-        data = json.loads((folder / f"{name}.json").read_text())
+        data = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
         same = (data["build"], data["quick"], data["rivals"]) == (build(), quick, rivals)
         there = all((folder / file).exists() for file in (*data["recordings"], data["picture"]))
     except (OSError, ValueError, KeyError, TypeError):

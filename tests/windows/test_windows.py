@@ -1,0 +1,142 @@
+"""The package on Windows, under wine: `make test-windows`."""
+
+import os
+import re
+import subprocess
+from contextlib import contextmanager
+from urllib.request import HTTPCookieProcessor, build_opener
+
+import numpy as np
+import pytest
+import windows
+
+from hexatorque.cli.main import main
+from hexatorque.drive.board import BoardDrive
+
+if "HT_WINDOWS" not in os.environ:
+    pytest.skip("make test-windows runs this", allow_module_level=True)
+
+EXAMPLES = windows.ROOT / "examples"
+#: The first start compiles the simulation.
+WAIT_S = 300
+
+
+def words_of(*words):
+    return ["wine", windows.PYTHON / "python.exe", "-m", "hexatorque", *words]
+
+
+@pytest.fixture
+def there(tmp_path, monkeypatch):
+    """Run a command on Windows. Returns what it prints."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words, code=0):
+        done = subprocess.run(
+            words_of(*words), env=windows.environment(), stdin=subprocess.DEVNULL, timeout=WAIT_S,
+            capture_output=True, encoding="utf-8",
+        )  # fmt: skip
+        assert done.returncode == code, done.stdout + done.stderr
+        return done.stdout + done.stderr
+
+    return run
+
+
+@contextmanager
+def staying(ready, *words):
+    """A command that goes on. Gives what `ready`, a pattern, finds in what it prints."""
+    process = subprocess.Popen(
+        words_of(*words), env=windows.environment(), stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
+    )  # fmt: skip
+    try:
+        said = ""
+        for line in process.stdout:
+            said += line
+            if found := re.search(ready, said):
+                break
+        else:
+            raise AssertionError(said)
+        yield found[1]
+    finally:
+        process.kill()
+        process.wait(30)
+        process.stdout.close()
+
+
+@pytest.fixture
+def board(there):
+    """The name of the port of a virtual board on Windows."""
+    with staying(r"(socket://\S+),", "board", "serve", "--tcp", "0", "--load", "1") as port:
+        yield port
+
+
+@pytest.mark.parametrize("setup", ["paper-a", "magnet-interior"])
+def test_a_recording_has_the_same_bits(there, tmp_path, setup):
+    text = (EXAMPLES / "reversal.toml").read_text().replace("paper-a-feasible", setup)
+    (tmp_path / "own.toml").write_text(text)
+    there("run", "own.toml", "-o", "there.npz")
+    assert main(["run", "own.toml", "-o", "here.npz"]) == 0
+    with np.load("here.npz") as here, np.load("there.npz") as other:
+        assert sorted(here) == sorted(other) and len(list(here)) > 20
+        for name in here:
+            if here[name].dtype.kind != "f":
+                continue
+            if setup != "paper-a" and name.startswith("channel:plant."):
+                # This machine takes sines from the system's C library, which rounds its own way.
+                assert other[name] == pytest.approx(here[name], rel=1e-6, abs=1e-6), name
+            else:
+                assert other[name].tobytes() == here[name].tobytes(), name
+
+
+def test_a_machine_of_ones_own(there):
+    plate = (
+        "power_kW=5.5,voltage_V=400,current_A=5.9,power_factor=0.8,frequency_Hz=50,speed_rpm=1450"
+    )
+    there("new", "mine.toml", "--nameplate", f"{plate},poles=4")
+    assert "ready: " in there("check", "mine.toml")
+
+
+def test_a_picture(there, tmp_path):
+    there("run", str(EXAMPLES / "reversal.toml"), "-o", "there.npz")
+    there("plot", "there.npz", "-o", "there.png")
+    assert (tmp_path / "there.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_sweep_with_two_processes(there, tmp_path):
+    there("sweep", "--grid", "machine.rs_ohm=1:1.4:3", "--jobs", "2", "-o", "swept")
+    assert len((tmp_path / "swept" / "table.csv").read_text().splitlines()) == 4
+
+
+def test_parameters_are_tuned(there, tmp_path):
+    there("tune", "paper-a-feasible", "--trials", "2", "-o", "tuned")
+    assert (tmp_path / "tuned" / "report.html").exists()
+
+
+def test_a_client_here_drives_a_board_there(board):
+    with BoardDrive.open(board) as drive:
+        drive.set("speed_ref_rpm", 300)
+        drive.start()
+        drive.run(2.0)
+        assert np.mean(drive.take()["speed_rpm"][-100:]) == pytest.approx(300, abs=5)
+        drive.stop()
+
+
+def test_a_client_there_drives_it(there, board, tmp_path):
+    assert "paper-a-feasible" in there("board", "list")
+    there("board", "params", "save", "set.toml")
+    there(
+        "board", "stream", "i_u1_A", "speed_rpm", "--duration", "0.5", "--start", "-o", "bench.npz"
+    )
+    assert (tmp_path / "bench.npz").exists()
+
+
+def test_a_board_there_is_commissioned(there, board):
+    assert "wiring" in there("board", "commission", "--steps", "wiring")
+
+
+def test_the_page(there, board):
+    with (
+        staying(r"(http://\S+)", "board", "monitor", "--no-browser") as page,
+        build_opener(HTTPCookieProcessor()).open(page, timeout=30) as answer,
+    ):
+        assert "hexatorque" in answer.read().decode()
