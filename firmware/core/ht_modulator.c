@@ -1,5 +1,6 @@
 #include "ht_modulator.h"
 
+#include "ht_turned.h"
 #include "ht_vsd.h"
 
 #include <math.h>
@@ -14,6 +15,15 @@ void ht_modulator_centre(ht_modulator_config *cfg, bool turned)
     cfg->kappa_from_pu = 0.0f;
     cfg->turn_pu = turned ? 0.0f : HT_NEVER_PU;
     cfg->alternate = false;
+}
+
+void ht_modulator_wind(ht_modulator_config *cfg, ht_winding winding)
+{
+    cfg->winding = winding;
+    if (winding != HT_WINDING_30) {
+        cfg->turn_pu = HT_NEVER_PU;
+        cfg->alternate = false;
+    }
 }
 
 bool ht_modulator_check(const ht_modulator_config *cfg)
@@ -44,11 +54,16 @@ static three_phase set1_of(const ht_vsd *v)
 }
 
 /* Legs 5, 1, 3 lie at 270, 30, 150 degrees. */
-static three_phase set2_of(const ht_vsd *v)
+static three_phase set2_of(const ht_vsd *v, ht_winding winding)
 {
+    ht_ab s = {v->ab.alpha - v->xy.x, v->ab.beta + v->xy.y};
     three_phase u;
-    u.p = -(v->ab.beta + v->xy.y);
-    u.q = COS_30 * (v->ab.alpha - v->xy.x);
+    if (winding != HT_WINDING_30) {
+        ht_ab back = {ht_set2_turn[winding].alpha, -ht_set2_turn[winding].beta};
+        s = ht_product(s, back);
+    }
+    u.p = -s.beta;
+    u.q = COS_30 * s.alpha;
     return u;
 }
 
@@ -84,14 +99,14 @@ static float fitting_share(three_phase without, three_phase with)
 }
 
 /* A set does not fit: less of x and y. */
-static void fit(ht_vsd *v)
+static void fit(ht_vsd *v, ht_winding winding)
 {
     ht_vsd without = {{0.0f, 0.0f}, {0.0f, 0.0f}};
     float share;
     float other;
     without.ab = v->ab;
     share = fitting_share(set1_of(&without), set1_of(v));
-    other = fitting_share(set2_of(&without), set2_of(v));
+    other = fitting_share(set2_of(&without, winding), set2_of(v, winding));
     share = (other < share) ? other : share;
     v->xy.x *= share;
     v->xy.y *= share;
@@ -232,11 +247,11 @@ typedef struct {
     extremes second;
 } both_sets;
 
-static HT_INTO_CALLERS both_sets sets_of(const ht_vsd *v)
+static HT_INTO_CALLERS both_sets sets_of(const ht_vsd *v, ht_winding winding)
 {
     both_sets s;
     s.one = set1_of(v);
-    s.two = set2_of(v);
+    s.two = set2_of(v, winding);
     s.first = extremes_of(s.one);
     s.second = extremes_of(s.two);
     return s;
@@ -312,7 +327,7 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     float turn2 = cfg->turn_pu * cfg->turn_pu * (st->opposite ? TURN_HOLD2 : 1.0f);
     ht_ab v3 = cubed(v_pu->ab, alpha2, beta2);
     shares kappa = shares_of(cfg, size2, v3);
-    both_sets set = sets_of(v_pu);
+    both_sets set = sets_of(v_pu, cfg->winding);
     legs found = {0u, 0u};
     ht_six share; /* of the period that a leg is high, with a zero of each set's own */
     timing t;
@@ -323,11 +338,11 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     uint16_t leg;
 
     if (!((set.first.range <= 1.0f) && (set.second.range <= 1.0f))) {
-        fit(v_pu);
-        set = sets_of(v_pu);
+        fit(v_pu, cfg->winding);
+        set = sets_of(v_pu, cfg->winding);
     }
     st->opposite = (size2 > turn2) && (v3.alpha * v3.beta > 0.0f);
-    other = falling != st->opposite;
+    other = (falling != st->opposite) != (cfg->winding == HT_WINDING_60);
     st->falling = !falling;
 
     t = timing_of(in);

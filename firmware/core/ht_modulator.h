@@ -13,6 +13,11 @@
  *  Turn: in every second 30 degrees of the voltage's direction the carrier of set 2 runs
  *  opposite to the carrier of set 1. The sets' ripples then cancel each other in alpha-beta,
  *  where they would add.
+ *
+ *  Sets that are 0 or 60 degrees apart make the same voltage if nothing of it is in x-y. At 0 degrees
+ *  they then have the same commands, and their carriers run together; at 60 degrees the commands of
+ *  set 2 are those of set 1 with the other sign, and its carrier runs opposite. Either way both sets
+ *  switch at the same instants, and no ripple is in x-y.
  */
 #ifndef HT_MODULATOR_H
 #define HT_MODULATOR_H
@@ -30,6 +35,7 @@ typedef struct {
                           *   0: `kappa` counts at every voltage */
     float turn_pu;       /**< set 2's carrier turns where the voltage exceeds this; units of Vdc */
     bool alternate; /**< clamped legs alternate between the rails by 15 degrees of the voltage */
+    ht_winding winding;
 } ht_modulator_config;
 
 typedef struct {
@@ -44,6 +50,10 @@ typedef struct {
     const ht_period *period; /**< begins at count 0 */
     uint16_t before;         /**< state word at the end of the period before */
 } ht_modulator_input;
+
+/** What keeps both sets alike in a winding whose sets are 0 or 60 degrees apart: no turn, and the
+ *  same clamped leg. Another winding changes nothing. */
+void ht_modulator_wind(ht_modulator_config *cfg, ht_winding winding);
 
 /** Centred zero sequences; set 2's carrier turns in every second sector, or never. */
 void ht_modulator_centre(ht_modulator_config *cfg, bool turned);

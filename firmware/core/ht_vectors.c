@@ -14,6 +14,13 @@ void ht_vectors_virtual(unsigned group, unsigned k, uint16_t s[3])
     s[2] = ht_group[group][(k == HT_DIRECTIONS - 1u) ? 0u : (k + 1u)];
 }
 
+void ht_vectors_alike(unsigned group, unsigned k, uint16_t s[3])
+{
+    s[0] = ht_group[group][k];
+    s[1] = ht_group[group][(k == HT_DIRECTIONS - 1u) ? 0u : (k + 1u)];
+    s[2] = s[1];
+}
+
 void ht_vectors_zero(uint16_t before, bool only_v0, uint16_t s[3])
 {
     ht_vectors_single(only_v0 ? (uint16_t)0 : ht_nearest_zero[before], s);

@@ -16,6 +16,7 @@ import sys
 from pathlib import Path
 
 PHASES_DEG = (0, 30, 120, 150, 240, 270)  # u1 u2 w1 w2 v1 v2
+DISPLACEMENTS_DEG = (30, 0, 60)  # of set 2, in the order of ht_winding
 OUTPUT = Path(__file__).resolve().parent.parent / "core" / "ht_tables.c"
 
 
@@ -58,6 +59,26 @@ def groups() -> dict[str, list[int]]:
         if -1 in words:
             raise ValueError(f"group {name} is incomplete: {words}")
     return found
+
+
+def alike(displacement_deg: int) -> list[int]:
+    """State words with which both sets make the same voltage, for sets that are 0 or 60 degrees
+    apart: the large vectors, at 60 n degrees. Each stands twice, for k = 2 n and 2 n + 1."""
+    words = []
+    for n in range(6):
+        word = 0
+        for leg in range(6):
+            deg = 120 * (leg // 2) + displacement_deg * (leg % 2)
+            if math.cos(math.radians(60 * n - deg)) > 0:
+                word |= 32 >> leg
+        words += [word, word]
+    return words
+
+
+def set2_turn(displacement_deg: int) -> tuple[float, float]:
+    """Cosine and sine of what set 2 lies ahead of its place in PHASES_DEG."""
+    turn = math.radians(displacement_deg - PHASES_DEG[1])
+    return math.cos(turn), math.sin(turn)
 
 
 def nearest_zero(word: int) -> int:
@@ -124,6 +145,8 @@ def render() -> str:
     out += ["};", "", "const uint16_t ht_group[HT_GROUPS][HT_DIRECTIONS] = {"]
     for name in ("L", "ML", "S"):
         out.append("    {" + ", ".join(map(str, group[name])) + f"}}, /* {name} */")
+    for deg in DISPLACEMENTS_DEG[1:]:
+        out.append("    {" + ", ".join(map(str, alike(deg))) + f"}}, /* L{deg} */")
     out += ["};", "", "const uint16_t ht_nearest_zero[64] = {"]
     for row in range(0, 64, 16):
         out.append("    " + ", ".join(str(nearest_zero(w)) for w in range(row, row + 16)) + ",")
@@ -137,6 +160,10 @@ def render() -> str:
         out.append("    },")
     limits = ", ".join(num(tmvcl(duty[name])) for name in ("L", "ML"))
     out += ["};", "", f"const float ht_tmvcl_pu[2] = {{{limits}}};", ""]
+    out += ["const ht_ab ht_set2_turn[HT_WINDINGS] = {"]
+    for deg in DISPLACEMENTS_DEG:
+        out.append("    {" + ", ".join(map(num, set2_turn(deg))) + f"}}, /* {deg} deg */")
+    out += ["};", ""]
     return "\n".join(out)
 
 

@@ -27,7 +27,7 @@ static void any_law_config(ht_table_law_config *c)
     c->vectors = (ht_vectors)nondet_uint16();
     c->group = nondet_uint16();
     c->regulated = nondet_bool();
-    c->table = nondet_bool() ? HT_TABLE_45_135 : HT_TABLE_75_105;
+    c->table = (ht_table)nondet_uint16();
     c->torque_levels = nondet_uint16();
     c->flux_band_Wb = nondet_float();
     c->torque_band_Nm = nondet_float();

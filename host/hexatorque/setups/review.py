@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from .derived import F_ISR_FAST_HZ, WRITTEN_WITHIN, write_delay_us
-from .design import PULL_OUT_SHARE, REACH_PU, TABLE_SHARE, Design, rad_s
+from .design import PULL_OUT_SHARE, REACH_PU, Design, rad_s
 from .estimate import published_kW, usual
 from .keys import KEYS
 from .mean_torque import held
@@ -518,7 +518,7 @@ def _speed(d: Design) -> Iterator[Finding]:
         "largest load of point and profile", d.asked_Nm, p("torque_limit_Nm"), "N m",
         "raise controller.torque_limit_Nm, or ask for less",
     )  # fmt: skip
-    weak_rpm = d.base_rpm(REACH_PU * TABLE_SHARE[p("table")]) * d.flux_Wb / p("flux_min_Wb")
+    weak_rpm = d.base_rpm(d.reach_pu(REACH_PU, by_table=True)) * d.flux_Wb / p("flux_min_Wb")
     if p("field_weakening") == "on":
         yield at_least(
             "end of field weakening", weak_rpm, d.rated_rpm, "r/min",
@@ -531,17 +531,21 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
 
     p, lib = d.parameter, firmware.lib
     row = lib.ht_scheme_describe(firmware.schemes().index(name))
+    if not lib.ht_scheme_drives(row, d.winding):
+        advice = "this winding's large vectors have no x-y voltage to choose or to regulate by"
+        yield Finding(f"displacement_deg {p('displacement_deg')}", 0.0, "", 0.0, "", "bad", advice)
+        return
     if lib.ht_law_commands_voltage(row.law):
         least_Hz = lib.ht_voltage_law_least_Hz(p("rs_ohm"), d.machine.least_H, p("lxy_H"))
         yield at_least(
             "f_isr_Hz for the machine's time constants", p("f_isr_Hz"), least_Hz, "Hz",
             f"set controller.f_isr_Hz = {math.ceil(least_Hz / 1e4) * 10_000}",
         )  # fmt: skip
-        yield from _reach(d, row, 1.0)
+        yield from _reach(d, row, by_table=False)
         yield from _expected(d, 0.5 * p("f_isr_Hz"))  # a leg toggles once in a period
         return
     single, virtual = row.vectors == lib.HT_VECTORS_SINGLE, row.vectors == lib.HT_VECTORS_VIRTUAL
-    vector_pu = row.reach_pu / COS_15 if single or virtual else _longest_pu()
+    vector_pu = row.reach_pu / COS_15 if virtual else lib.ht_longest_pu(d.winding)
     faster = "raise controller.f_isr_Hz, lower inverter.vdc_V, or add inductance"
     torque_Nm = d.torque_step_Nm(d.period_s, vector_pu)
     yield at_most("torque step of one period", torque_Nm, d.rated_Nm, "N m", faster)
@@ -567,7 +571,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
             "gain of the x-y loop in one period", gain, 0.9, "",
             "lower controller.kp_xy_pu_A: the loop becomes unstable at 1",
         )  # fmt: skip
-    yield from _reach(d, row, TABLE_SHARE[p("table")])
+    yield from _reach(d, row, by_table=True)
     kind = "single" if single else "virtual L" if virtual else "pair"
     if virtual and row.group != lib.HT_L:
         kind = "virtual ML"
@@ -620,16 +624,9 @@ def _xy_A(d: Design, row: Any) -> float:
     """Amplitude of the x-y current that the scheme causes by itself."""
     from ..firmware import lib
 
-    step_A = lib.ht_scheme_xy_step_pu(row) * d.vdc_V * d.period_s / d.machine.lxy_H
-    return _single_xy_A(d, step_A) if row.vectors == lib.HT_VECTORS_SINGLE else step_A
-
-
-def _longest_pu() -> float:
-    """Length of the large vectors, units of Vdc."""
-    from ..firmware import lib
-
-    large = lib.ht_vector[lib.ht_group[lib.HT_L][0]].ab
-    return math.hypot(large.alpha, large.beta)
+    step_A = lib.ht_scheme_xy_step_pu(row, d.winding) * d.vdc_V * d.period_s / d.machine.lxy_H
+    single = row.vectors == lib.HT_VECTORS_SINGLE
+    return _single_xy_A(d, step_A) if single and step_A else step_A
 
 
 def _single_xy_A(d: Design, step_A: float) -> float:
@@ -649,13 +646,13 @@ def _single_xy_A(d: Design, step_A: float) -> float:
     return math.hypot(star_A, XY_PEAK * step_A * math.sqrt(periods / 24))
 
 
-def _reach(d: Design, row: Any, table_share: float) -> Iterator[Finding]:
+def _reach(d: Design, row: Any, by_table: bool) -> Iterator[Finding]:
     """Rated speed against what the scheme's vectors and the table give."""
     p = d.parameter
     more = "raise inverter.vdc_V"
-    if table_share < 1:
+    reach_pu = d.reach_pu(row.reach_pu, by_table)
+    if reach_pu < d.reach_pu(row.reach_pu):
         more += ', or take controller.table = "75/105"'
-    reach_pu = table_share * row.reach_pu
     reach_rpm = d.base_rpm(reach_pu, 1.0)
     if p("field_weakening") != "on":
         yield at_least(REACH, reach_rpm, d.rated_rpm, "r/min", more)
