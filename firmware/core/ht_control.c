@@ -179,12 +179,13 @@ static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_contr
 /* A voltage: the modulator writes the pattern, because every leg has an instant of its own. */
 static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_control_state *st,
                                            const ht_control_input *in, ht_vsd i, bool lost,
-                                           bool magnets, ht_compare *out)
+                                           bool magnets, ht_winding winding, ht_compare *out)
 {
     uint16_t number = (st->active.own == 1u) ? 2u : 1u;
     ht_voltage_law_input seen;
     ht_modulator_input given;
     ht_vsd v;
+    ht_vsd legs;
     seen.psi_Wb = st->decided.psi_Wb;
     seen.psi_xy_Wb = st->psi_xy_Wb;
     seen.i_A = i;
@@ -212,10 +213,11 @@ static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_cont
     given.i_A = &in->i_A;
     given.before = st->active.s[2];
     given.period = &cfg->period;
-    ht_modulator_step(&cfg->modulator, &st->modulator, &v, &given, out, &st->next,
+    legs = (winding == HT_WINDING_30) ? v : ht_modulator_legs(winding, &v);
+    ht_modulator_step(&cfg->modulator, &st->modulator, &legs, &given, out, &st->next,
                       &st->toggles[number - 1u]);
     st->next.own = number;
-    st->v_xy_pu = v.xy;
+    st->v_xy_pu = (winding == HT_WINDING_30) ? legs.xy : v.xy;
 }
 
 void ht_control_select(ht_control_config *cfg, ht_scheme scheme)
@@ -562,7 +564,7 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     if (build) {
         p = build_step(cfg, st, in, winding, i.ab, s);
     } else if (lost || !vector_step(cfg, st, in, i.xy, magnets ? &emf_pu : NULL, s, &p)) {
-        modulated_step(cfg, st, in, i, lost, magnets, out);
+        modulated_step(cfg, st, in, i, lost, magnets, winding, out);
         return;
     } else {
         /* p and s are known */

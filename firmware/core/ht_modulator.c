@@ -1,11 +1,11 @@
 #include "ht_modulator.h"
 
-#include "ht_turned.h"
-#include "ht_vsd.h"
+#include "ht_winding.h"
 
 #include <math.h>
 
 #define COS_30 0.866025404f
+#define COS_15 0.965925826f
 /* The carriers go back in phase below this share of the voltage from which they turn, squared. */
 #define TURN_HOLD2 0.9025f
 
@@ -23,6 +23,7 @@ void ht_modulator_wind(ht_modulator_config *cfg, ht_winding winding)
     if (winding != HT_WINDING_30) {
         cfg->turn_pu = HT_NEVER_PU;
         cfg->alternate = false;
+        cfg->kappa_from_pu *= COS_15; /* what ht_modulator_legs leaves of alpha-beta */
     }
 }
 
@@ -54,16 +55,11 @@ static three_phase set1_of(const ht_vsd *v)
 }
 
 /* Legs 5, 1, 3 lie at 270, 30, 150 degrees. */
-static three_phase set2_of(const ht_vsd *v, ht_winding winding)
+static three_phase set2_of(const ht_vsd *v)
 {
-    ht_ab s = {v->ab.alpha - v->xy.x, v->ab.beta + v->xy.y};
     three_phase u;
-    if (winding != HT_WINDING_30) {
-        ht_ab back = {ht_set2_turn[winding].alpha, -ht_set2_turn[winding].beta};
-        s = ht_product(s, back);
-    }
-    u.p = -s.beta;
-    u.q = COS_30 * s.alpha;
+    u.p = -(v->ab.beta + v->xy.y);
+    u.q = COS_30 * (v->ab.alpha - v->xy.x);
     return u;
 }
 
@@ -102,11 +98,13 @@ static float fitting_share(three_phase without, three_phase with)
 static void fit(ht_vsd *v, ht_winding winding)
 {
     ht_vsd without = {{0.0f, 0.0f}, {0.0f, 0.0f}};
+    ht_vsd with = ht_of_legs(winding, *v);
     float share;
     float other;
     without.ab = v->ab;
-    share = fitting_share(set1_of(&without), set1_of(v));
-    other = fitting_share(set2_of(&without, winding), set2_of(v, winding));
+    without = ht_of_legs(winding, without);
+    share = fitting_share(set1_of(&without), set1_of(&with));
+    other = fitting_share(set2_of(&without), set2_of(&with));
     share = (other < share) ? other : share;
     v->xy.x *= share;
     v->xy.y *= share;
@@ -247,14 +245,30 @@ typedef struct {
     extremes second;
 } both_sets;
 
-static HT_INTO_CALLERS both_sets sets_of(const ht_vsd *v, ht_winding winding)
+static HT_INTO_CALLERS both_sets sets_of(const ht_vsd *v)
 {
     both_sets s;
     s.one = set1_of(v);
-    s.two = set2_of(v, winding);
+    s.two = set2_of(v);
     s.first = extremes_of(s.one);
     s.second = extremes_of(s.two);
     return s;
+}
+
+static HT_INTO_CALLERS bool both_fit(const both_sets *s)
+{
+    return (s->first.range <= 1.0f) && (s->second.range <= 1.0f); /* NaN does not */
+}
+
+HT_SELDOM ht_vsd ht_modulator_legs(ht_winding winding, ht_vsd *v_pu)
+{
+    ht_vsd legs_pu = ht_of_legs(winding, *v_pu);
+    both_sets set = sets_of(&legs_pu);
+    if (!both_fit(&set)) {
+        fit(v_pu, winding);
+        legs_pu = ht_of_legs(winding, *v_pu);
+    }
+    return legs_pu;
 }
 
 /* Shares of the clamped zero sequences of both sets. */
@@ -327,7 +341,7 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     float turn2 = cfg->turn_pu * cfg->turn_pu * (st->opposite ? TURN_HOLD2 : 1.0f);
     ht_ab v3 = cubed(v_pu->ab, alpha2, beta2);
     shares kappa = shares_of(cfg, size2, v3);
-    both_sets set = sets_of(v_pu, cfg->winding);
+    both_sets set = sets_of(v_pu);
     legs found = {0u, 0u};
     ht_six share; /* of the period that a leg is high, with a zero of each set's own */
     timing t;
@@ -337,9 +351,9 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     unsigned rises;
     uint16_t leg;
 
-    if (!((set.first.range <= 1.0f) && (set.second.range <= 1.0f))) {
-        fit(v_pu, cfg->winding);
-        set = sets_of(v_pu, cfg->winding);
+    if (!both_fit(&set) && (cfg->winding == HT_WINDING_30)) {
+        fit(v_pu, HT_WINDING_30);
+        set = sets_of(v_pu);
     }
     st->opposite = (size2 > turn2) && (v3.alpha * v3.beta > 0.0f);
     other = (falling != st->opposite) != (cfg->winding == HT_WINDING_60);

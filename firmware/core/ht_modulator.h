@@ -64,6 +64,10 @@ bool ht_modulator_check(const ht_modulator_config *cfg);
 /** First period of set 1 rising, carriers in phase. */
 void ht_modulator_reset(ht_modulator_state *st);
 
+/** For a winding whose sets are not 30 degrees apart: what ht_modulator_step must be told to make `v_pu`.
+ *  Where the legs of a set do not fit, x and y give way in `v_pu`. */
+ht_vsd ht_modulator_legs(ht_winding winding, ht_vsd *v_pu);
+
 /** One period's pattern for the voltage `v_pu`, units of Vdc. Where the legs of a set do not
  *  fit between the rails, x and y give way first, in `v_pu` too; then the legs are limited. A leg
  *  whose command lies between its rail and the shortest pulse takes the nearer of both.

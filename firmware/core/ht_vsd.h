@@ -13,4 +13,7 @@ ht_vsd ht_vsd_from_six(const ht_six *s);
  *  in the stator's axes, alpha + j beta = (s1 + s2)/2 and x - j y = (s1 - s2)/2 in each of them. */
 ht_vsd ht_vsd_turned(ht_winding winding, ht_vsd v);
 
+/** And back. */
+ht_vsd ht_vsd_turned_back(ht_winding winding, ht_vsd v);
+
 #endif

@@ -7,9 +7,15 @@
 #include "ht_vsd.h"
 
 /** `v` as the tables and ht_vsd_from_six have it, in the winding's own alpha-beta and x-y. */
-static inline ht_vsd ht_of_winding(ht_winding winding, ht_vsd v)
+static HT_INTO_CALLERS ht_vsd ht_of_winding(ht_winding winding, ht_vsd v)
 {
     return (winding == HT_WINDING_30) ? v : ht_vsd_turned(winding, v);
+}
+
+/** And back: `v` of the winding as legs must make it that lie as the tables have them. */
+static HT_INTO_CALLERS ht_vsd ht_of_legs(ht_winding winding, ht_vsd v)
+{
+    return (winding == HT_WINDING_30) ? v : ht_vsd_turned_back(winding, v);
 }
 
 /** Group of the large vectors. */

@@ -280,6 +280,13 @@ static void any_masks(ht_applied *a)
     a->own = nondet_uint16();
 }
 
+ht_vsd ht_modulator_legs(ht_winding winding, ht_vsd *v_pu)
+{
+    MUST(((unsigned)winding < HT_WINDINGS) && (winding != HT_WINDING_30));
+    *v_pu = ht_vsd_from_six(0);
+    return ht_vsd_from_six(0);
+}
+
 void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, ht_vsd *v_pu,
                        const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
                        ht_toggles *toggles)

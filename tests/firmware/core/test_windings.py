@@ -125,9 +125,12 @@ class Modulator:
     def step(self, ab, xy=0j, i_A=(0.0,) * 6):
         """Levels of the legs, (counts, 6)."""
         v = ffi.new("ht_vsd *", [[ab.real, ab.imag], [xy.real, xy.imag]])
+        legs = ffi.new("ht_vsd *", lib.ht_modulator_legs(self.winding, v))
         currents = ffi.new("ht_six *", [list(i_A)])
         given = ffi.new("ht_modulator_input *", [self.dead, currents, self.counts, self.before])
-        lib.ht_modulator_step(self.cfg, self.state, v, given, self.out, self.applied, self.toggles)
+        lib.ht_modulator_step(
+            self.cfg, self.state, legs, given, self.out, self.applied, self.toggles
+        )
         self.before = self.applied.s[2]
         counts = np.arange(PERIOD)[:, None]
         start = WORDS[self.out.start][None, :] > 0
