@@ -1,13 +1,15 @@
-"""Write the boards' pin tables in docs/first-spin.md from the firmware's own tables.
+"""Write the boards' pin tables, docs/data/pins-BOARD.csv, from the firmware's own tables.
 
-`python tools/board_tables.py` (in an environment with hexatorque installed) replaces the text
-between a board's two marks in that page. Signals, pins and channels come from `ht_board.c` and
-from the registers after the drivers' start. Connector pins and remarks come from the lists below.
-`tests/firmware/port/test_board_tables.py` checks that the page is current.
+`python tools/board_tables.py` (in an environment with hexatorque installed) also replaces the text
+between a board's two marks in docs/first-spin.md. Signals, pins and channels come from `ht_board.c`
+and from the registers after the drivers' start. Connector pins and remarks come from the lists
+below. `tests/firmware/port/test_board_tables.py` checks that page and tables are current.
 """
 
 import re
 from pathlib import Path
+
+import doc_page
 
 from hexatorque.firmware import BOARDS, ffi, lib
 
@@ -133,17 +135,18 @@ def rows(board: str) -> list[tuple[str, str, str, str, str]]:
     ]
 
 
-def text(board: str) -> str:
-    """A board's table as the page has it."""
-    table = getattr(lib, f"ht_board_{board}")
+def heads(board: str) -> list[str]:
     _, title = CONNECTORS.get(board, ({}, "connector"))
-    lines = [
-        f"| signal | pin of the device | function | {title} | remark |",
-        "|---|---|---|---|---|",
-    ]
-    lines += [f"| {' | '.join(row)} |".replace("|  |", "| |") for row in rows(board)]
-    lines += ["", f"Serial line: {table.baud} baud, 8 bits, no parity, 1 stop bit."]
-    return "\n".join(lines)
+    return ["signal", "pin of the device", "function", title, "remark"]
+
+
+def text(board: str) -> str:
+    """What the page has of a board."""
+    baud = getattr(lib, f"ht_board_{board}").baud
+    return (
+        f"[Pins of `{board}`](data/pins-{board}.csv). Serial line: {baud} baud, 8 bits, no parity, "
+        "1 stop bit."
+    )
 
 
 def marks(board: str) -> tuple[str, str]:
@@ -164,6 +167,7 @@ def main() -> None:
     for board in BOARDS:
         first, last = marks(board)
         before, rest = page.split(first)
+        doc_page.keep_data(PAGE, f"pins-{board}", heads(board), rows(board))
         page = f"{before}{first}\n{text(board)}\n{last}{rest.split(last)[1]}"
     PAGE.write_text(page)
 

@@ -62,16 +62,18 @@ def row(cells: Iterable[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def keep_data(page: Path, name: str, heads: list[str], rows: Iterable[Iterable[str]]) -> str:
-    """Writes a whole table beside the pages, as data for those who want every row. Returns a link
-    to it, for this page. Marks of the page's language are left out."""
+def keep_data(
+    page: Path, name: str, heads: list[str], rows: Iterable[Iterable[str]], words: str = ""
+) -> str:
+    """Writes a whole table beside the pages, as data. The site shows it as a page of its own.
+    Returns a link to it, for this page. Marks of the page's language are left out."""
     path = page.parent / "data" / f"{name}.csv"
     path.parent.mkdir(exist_ok=True)
     with path.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(heads)
         writer.writerows([plain(cell) for cell in row] for row in rows)
-    return f"[{path.name}](data/{path.name})"
+    return f"[{words or path.name}](data/{path.name})"
 
 
 def read_data(page: Path, name: str) -> list[list[str]]:

@@ -265,13 +265,14 @@ def tables(
 HEADS = ["file", "code", "mutant", "verdict"]
 
 
-def page_of(by_room: list[list[str]], left: list[list[str]], where: str) -> str:
-    """The rooms, and the mutants that live and could be killed; `where` has the others too."""
+def page_of(by_room: list[list[str]], where: str) -> str:
+    """The rooms; `where` has the mutants."""
     heads = ["room", "built", "killed", "equivalent", "time-out", "alive"]
     heads.append("killed of those that are not equivalent")
-    lives = [row for row in left if row[-1] != TIME and not row[-1].startswith("equivalent")]
-    lines = ["", *doc_page.table(heads, by_room), "", f"Alive; {where} has the others too:", ""]
-    return "\n".join([*lines, *doc_page.table(HEADS, lives)]) + "\n"
+    lines = ["", *doc_page.table(heads, by_room), ""]
+    return (
+        "\n".join([*lines, f"Those that were not killed, each with its verdict: {where}."]) + "\n"
+    )
 
 
 def write(subject: Subject, results: list[Result], drew: int, seed: int) -> None:
@@ -286,7 +287,7 @@ def write(subject: Subject, results: list[Result], drew: int, seed: int) -> None
         f"{count[UNBUILT]}, {subject.alike} {count[SAME]}: {counted} are counted.\n"
     )
     by_room, left = tables(results, verdicts(), subject.rooms)
-    text += page_of(by_room, left, doc_page.keep_data(PAGE, f"mutants-{subject.name}", HEADS, left))
+    text += page_of(by_room, doc_page.keep_data(PAGE, f"mutants-{subject.name}", HEADS, left))
     PAGE.write_text(f"{before}{begin}\n{text}\n{end}{after}")
 
 

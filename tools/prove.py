@@ -468,15 +468,16 @@ def write(rows: list[Row], page: Path = PAGE) -> None:
     now = table(read_proofs(), rows, doc_page.read_data(page, "proofs")[1:])
     where = doc_page.keep_data(page, "proofs", HEADS, now)
     count = sum(row[-1] != OPEN for row in now)
-    marked = [[f"`{row[0]}`", *row[1:]] for row in now if row[-1] == OPEN]
-    shown = doc_page.table(
-        [HEADS[k] for k in SHOWN], ([row[k].replace("|", "\\|") for k in SHOWN] for row in marked)
-    )
     text = (
         f"{count} of {len(now)} are proved. What each says, for which inputs, its seeded bug and "
-        f"its time: {where}. Open:"
+        f"its time: {where}."
     )
-    doc_page.renew_page(page, {"proofs": "\n".join(["", text, "", *shown, "", ""])})
+    marked = [[f"`{row[0]}`", *row[1:]] for row in now if row[-1] == OPEN]
+    lines = ["", text, ""]
+    if marked:
+        shown = ([row[k].replace("|", "\\|") for k in SHOWN] for row in marked)
+        lines += ["Open:", "", *doc_page.table([HEADS[k] for k in SHOWN], shown), ""]
+    doc_page.renew_page(page, {"proofs": "\n".join([*lines, ""])})
 
 
 def main() -> int:

@@ -2,6 +2,7 @@
 
 - Pages from files at the root: README.md is the home page, CONTRIBUTING.md, CHANGELOG.md.
 - Pages from the program itself: commands, Python names, parameters, channels, faults.
+- Pages from the data beside the pages: each docs/data/NAME.csv is a table on a page of its own.
 - The gallery: the scenarios and scripts in examples/, and its notebooks, executed.
 - Equations: a block ```math becomes MathML, which browsers draw without a script.
 - A link out of docs/ (to code) becomes the file's path: the site holds pages only.
@@ -10,6 +11,7 @@
 from __future__ import annotations
 
 import base64
+import csv
 import importlib
 import inspect
 import os
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
+DATA = ROOT / "docs" / "data"
 TELL_S = 2.5
 #: Page of the site -> file at the root.
 FROM_ROOT = {
@@ -85,6 +88,7 @@ def on_files(files, config):
     pages["reference/python.md"] = python_page()
     pages["reference/parameters.md"] = parameters_page()
     pages["reference/channels.md"] = channels_page()
+    pages |= {f"data/{path.stem}.md": data_page(path) for path in DATA.glob("*.csv")}
     gallery, pictures = gallery_page()
     pages["gallery.md"] = gallery
     for name, content in (pages | pictures).items():
@@ -93,7 +97,7 @@ def on_files(files, config):
 
 
 def on_page_markdown(markdown, page, config, files):
-    """A link to a file that is no page becomes that file's path."""
+    """A link to data leads to its page. One to a file that is no page becomes that file's path."""
     folder = os.path.dirname(page.file.src_uri)
 
     def without_code(link):
@@ -101,6 +105,9 @@ def on_page_markdown(markdown, page, config, files):
         if re.match(r"[a-z]+:|#", target):
             return link[0]
         path = os.path.normpath(os.path.join(folder, target.partition("#")[0]))
+        shown = re.sub(r"\.csv$", ".md", path)
+        if folder != "data" and shown != path and files.get_file_from_path(shown):
+            return f"[{text}]({re.sub(r'.csv$', '.md', target)})"
         if files.get_file_from_path(path):
             return link[0]
         outside = os.path.normpath(os.path.join("docs", path))
@@ -148,6 +155,20 @@ def read_root(name: str) -> str:
         return f"]({path}{hash_}{anchor})"
 
     return re.sub(r"\]\(([^)\s]+)\)", moved, text)
+
+
+def data_page(path: Path) -> str:
+    """A table of docs/data as a page: the pages that lead to it, the file, the table."""
+    link = f"](data/{path.name})"
+    told = [page for page in sorted(DATA.parent.glob("*.md")) if link in page.read_text()]
+    names = [page.read_text().partition("\n")[0].removeprefix("# ") for page in told]
+    where = ", ".join(f"[{name}](../{page.name})" for name, page in zip(names, told))
+    with path.open() as file:
+        head, *rows = csv.reader(file)
+    return (
+        f"# {path.stem}\n\nFrom {where}. The table as a file: [{path.name}]({path.name}).\n\n"
+        + table(tuple(map(cell, head)), [tuple(row) for row in rows])
+    )
 
 
 # --- pages from the program ---------------------------------------------------------

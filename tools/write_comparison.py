@@ -22,18 +22,12 @@ PAGE = Path("docs/comparison.md")
 NAME = "REFERENCES"
 PICTURES = (NAME, f"{NAME}-others")
 MACHINE = "mps2-an386"
-#: Of the points and machines these are on the page. All of them are in the data beside it.
-ON_PAGE = ("paper A, 900 r/min", "paper B, 2500 r/min", "paper B")
 #: Within this limit one number of each figure is shown.
 SHOWN = "4000"
 
 
-def _table(heads: list[str], rows: list[list[str]]) -> list[str]:
-    return [*doc_page.table(heads, rows), ""]
-
-
-def _tables(name: str, of: str, tables: dict[str, tuple[list[str], list[list[str]]]]) -> list[str]:
-    """Those tables that the page shows, and a link to all of them as one file."""
+def _tables(name: str, of: str, tables: dict[str, tuple[list[str], list[list[str]]]]) -> str:
+    """A link to the tables as one file."""
     heads = list(dict.fromkeys(head for heads, _ in tables.values() for head in heads))
     every = [
         [title, *(dict(zip(own, row)).get(head, "") for head in heads)]
@@ -41,20 +35,19 @@ def _tables(name: str, of: str, tables: dict[str, tuple[list[str], list[list[str
         for row in rows
     ]
     columns = [of, "method", *heads[1:]]
-    lines = [f"All {len(tables)}: {doc_page.keep_data(PAGE, name, columns, every)}.", ""]
-    for title, (own, rows) in tables.items():
-        if title == ON_PAGE[-1] or title.startswith(ON_PAGE[:-1]):
-            lines += [f"{title}:", "", *_table(own, rows)]
-    return lines
+    return f"All {len(tables)}: {doc_page.keep_data(PAGE, name, columns, every)}.\n"
 
 
 def sentences(metrics: dict) -> str:
     lines = [f"{n}. {s['text']}" for n, s in enumerate(metrics["equal"]["sentences"], 1)]
     lines += ["", f"{metrics['settings']} settings of each method were tried at each point."]
-    for s in metrics["equal"]["sentences"]:
-        if s["missing"]:
-            names = ", ".join(f"`{name}`" for name in s["missing"])
-            lines += ["", f"Not ranked in *{s['key']}*, because a point is missing: {names}."]
+    missing = [
+        f"{', '.join(f'`{name}`' for name in s['missing'])} in *{s['key']}*"
+        for s in metrics["equal"]["sentences"]
+        if s["missing"]
+    ]
+    if missing:
+        lines += ["", f"Not ranked, because a point is missing: {'; '.join(missing)}."]
     again = metrics.get("rivals")
     if again:
         lines += ["", *_again(metrics["equal"]["sentences"], again)]
@@ -64,21 +57,25 @@ def sentences(metrics: dict) -> str:
 
 def _again(first: list[dict], again: dict) -> list[str]:
     changed = [new for old, new in zip(first, again["sentences"]) if old["words"] != new["words"]]
-    lines = [
-        f"With {again['times']} times the budget for every method but `db-dtfc`, {len(changed)} of "
-        f"the {len(first)} sentences change. The figures, with equal budgets and with the larger "
-        "one:",
-        "",
-    ]
+    heads = ["sentence", "words", "relative to the best of", "equal budgets", "larger one"]
     rows = []
     for old, new in zip(first, again["sentences"]):
-        figures = [
-            f"{family} {ratio:.2f} → {new['against'].get(family, float('nan')):.2f}"
+        said = "the same" if old["words"] == new["words"] else new["words"]
+        rows += [
+            [
+                old["key"],
+                said,
+                family,
+                f"{ratio:.2f}",
+                f"{new['against'].get(family, math.nan):.2f}",
+            ]
             for family, ratio in old["against"].items()
         ]
-        said = "the same" if old["words"] == new["words"] else new["words"]
-        rows.append([old["key"], said, "; ".join(figures)])
-    return lines + _table(["sentence", "words", "relative to the best of"], rows)
+    return [
+        f"With {again['times']} times the budget for every method but `db-dtfc`, {len(changed)} of "
+        f"the {len(first)} sentences change. The figures, with equal budgets and with the larger "
+        f"one: {doc_page.keep_data(PAGE, 'budgets', heads, rows)}."
+    ]
 
 
 def _best(at: dict, name: str, figure: str, limit: str) -> str:
@@ -107,9 +104,8 @@ def fronts(metrics: dict) -> str:
             ]
             rows.append(cells)
         tables[f"{at['point']}, {at['m_pu']:.2f} V_dc"] = heads, rows
-    lines = _tables("fronts", "point", tables)
-    lines.append(f"![The machines' points of low voltage](images/{NAME}-others.png)\n")
-    return "\n".join(lines)
+    picture = f"![The machines' points of low voltage](images/{NAME}-others.png)\n"
+    return "\n".join([_tables("fronts", "point", tables), picture])
 
 
 def _step(tests: dict, test: str) -> str:
@@ -133,7 +129,8 @@ def sampling(metrics: dict) -> str:
         [f"`{name}`", *("–" if value is None else f"{value:.2f}" for value in ratios.values())]
         for name, ratios in shown.items()
     ]
-    return "\n".join(_table(["", *(f"≤ {float(hz) / 1e3:g} kHz" for hz in limits)], rows))
+    heads = ["method", *(f"≤ {float(hz) / 1e3:g} kHz" for hz in limits)]
+    return f"Every method: {doc_page.keep_data(PAGE, 'sampling', heads, rows)}.\n"
 
 
 def steps(metrics: dict) -> str:
@@ -146,7 +143,7 @@ def steps(metrics: dict) -> str:
             for name in metrics["methods"]
         ]
         tables[machine] = ["", *tests], rows
-    return "\n".join(_tables("steps", "machine", tables))
+    return _tables("steps", "machine", tables)
 
 
 def errors(metrics: dict) -> str:
@@ -167,7 +164,7 @@ def errors(metrics: dict) -> str:
                 cells.append(lost or f"{found['td_Nm']:.3g} · {found['thd_inf_pct']:.3g}")
             rows.append([f"`{name}`", *cells])
         tables[machine] = ["", "none", *cases], rows
-    return "\n".join(_tables("errors", "machine", tables))
+    return _tables("errors", "machine", tables)
 
 
 def costs(budget: dict) -> str:
@@ -186,13 +183,12 @@ def costs(budget: dict) -> str:
                 "in the firmware" if own is None else f"host, {own} bytes of its own",
             ]
         )
-    lines = _table(["", "instructions, mean", "max", "where, memory"], rows)
+    where = doc_page.keep_data(PAGE, "costs", ["method", "mean", "max", "where, memory"], rows)
     sizes = budget["sizes"][MACHINE]
-    lines.append(
-        f"The firmware with all its schemes: {sizes['code']} bytes of code, "
-        f"{sizes['constants']} of constants, {sizes['drive']} of data for a drive."
+    return (
+        f"Every method: {where}. The firmware with all its schemes: {sizes['code']} bytes of code, "
+        f"{sizes['constants']} of constants, {sizes['drive']} of data for a drive.\n"
     )
-    return "\n".join(lines) + "\n"
 
 
 def _relative(points: list[dict], one: str, other: str, figure: str) -> str:
@@ -230,7 +226,8 @@ def published(metrics: dict) -> str:
         "; ".join(f"{name}: {both('vv-mpc', 'lvv-mpc', name)}" for name in machines),
     )
     heads = ["what they state", "where", "here, within 4 kHz, each at its best (range over points)"]
-    return "\n".join(_table(heads, [list(five), list(low)]))
+    link = doc_page.keep_data(PAGE, "published", heads, [five, low])
+    return f"Two statements of others, and the same ratios here: {link}.\n"
 
 
 def measured(folder: Path) -> dict[str, str]:

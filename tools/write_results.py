@@ -7,7 +7,6 @@ Usage: write_results.py OUT_DIR [docs/results.md]
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
 
@@ -29,13 +28,11 @@ def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("\n", " ")
 
 
-#: Verdicts whose reasons the page itself shows. All others are in the data beside it.
-SHOWN = ("worse", "differs")
 HEADS = ["what", "ours", "paper", "verdict", "why"]
 
 
 def table(figures: dict[str, dict], page: Path, data: str) -> str:
-    """How each figure compares, and each disagreement. Every row goes to `data`."""
+    """How many agree. Every row goes to `data`, and the counts of each figure beside it."""
     found, every = [], []
     for name, figure in figures.items():
         rows = [
@@ -49,31 +46,15 @@ def table(figures: dict[str, dict], page: Path, data: str) -> str:
         ]
         title = _cell(figure["title"])
         many = [sum(row[3] == word for row in rows) for word in VERDICTS]
-        found.append([f"**{name}**", title, *(str(count or "") for count in many)])
+        found.append([name, title, *(str(count or "") for count in many)])
         every += [[name, title, *row] for row in rows]
     where = doc_page.keep_data(page, data, ["figure", "title", *HEADS], every)
     many_words = ", ".join(f"{count} {word}" for word, count in counts(figures).items())
-    lines = [f"{many_words.capitalize()}. Every row: {where}.", ""]
+    text = f"{many_words.capitalize()}. Every row, with the reason of each deviation: {where}."
     if len(figures) > 1:
-        lines += [f"The {len(figures)} figures and tables:", ""]
-        lines += [*doc_page.table(["", "title", *VERDICTS], found), ""]
-    return "\n".join([*lines, *disagreements(every)]) + "\n"
-
-
-def disagreements(rows: list[list[str]]) -> list[str]:
-    """Where ours differs, from the rows of the data: each reason of a figure once, with the first
-    row that it explains. Reasons that differ in their numbers alone count as one."""
-    groups: dict[tuple[str, str], list[list[str]]] = {}
-    for name, _, *row in rows:
-        if row[3] in SHOWN:
-            groups.setdefault((name, re.sub(r"[\d.,±]+", "", row[4])), []).append(row)
-    shown = [
-        [f"**{name}**", what, ours, paper, str(len(group) - 1 or ""), why]
-        for (name, _), group in groups.items()
-        for what, ours, paper, _, why in group[:1]
-    ]
-    heads = ["", "what", "ours", "paper", "more alike", "why"]
-    return ["Where ours differs:", "", *doc_page.table(heads, shown)]
+        by_figure = doc_page.keep_data(page, "figures", ["figure", "title", *VERDICTS], found)
+        text += f" The {len(figures)} figures and tables, counted: {by_figure}."
+    return text + "\n"
 
 
 #: Figure of merit -> its words.
@@ -112,29 +93,35 @@ def _at_points(points: list[dict]) -> tuple[list[str], list[list[str]]]:
 
 
 def at_equal_f_sw(metrics: dict, page: Path) -> str:
-    """Every point as data, and every scheme at the set-ups' own points."""
+    """Every point, and every scheme at the set-ups' own points."""
     points = metrics["points"]
     where = doc_page.keep_data(page, "equal-f-sw", *_at_points(points))
-    lines = [f"All {len(points)} points within 3 kHz: {where}.", ""]
-    for name in OWN_POINTS:
-        lines += _every_scheme(next(at for at in points if at["point"] == name))
-    return "\n".join(lines) + "\n"
+    own = [at for at in points if at["point"] in OWN_POINTS]
+    schemes = doc_page.keep_data(page, "equal-f-sw-schemes", *_every_scheme(own))
+    return (
+        f"All {len(points)} points within 3 kHz: {where}. Every scheme at "
+        f"{' and '.join(OWN_POINTS)}: {schemes}.\n"
+    )
 
 
-def _every_scheme(at: dict) -> list[str]:
-    budgets = list(next(iter(at["best"].values()))["td_Nm"])
+def _every_scheme(points: list[dict]) -> tuple[list[str], list[list[str]]]:
+    budgets = list(next(iter(points[0]["best"].values()))["td_Nm"])
     kHz = [f"≤ {float(budget) / 1e3:g} kHz" for budget in budgets]
     shown = ("td_Nm", "thd_inf_pct")
-    heads = ["", *(f"{JUDGED[figure]}, {f}" for figure in shown for f in kHz)]
+    heads = ["point", "scheme", *(f"{JUDGED[figure]}, {f}" for figure in shown for f in kHz)]
+    cells = [(figure, budget) for figure in shown for budget in budgets]
     rows = []
-    for scheme, best in at["best"].items():
-        found = [(figure, best[figure][budget]) for figure in shown for budget in budgets]
-        rows.append([scheme, *("–" if row is None else f"{row[f]:.3g}" for f, row in found)])
-    computed = [at["line"][budget] for _ in shown for budget in budgets]
-    figures = [figure for figure in shown for _ in budgets]
-    cells = [f"{line[f]:.3g}" if line else "–" for f, line in zip(figures, computed)]
-    rows.append(["carrier, computed", *cells])
-    return ["", f"{at['point']}, every scheme:", "", *doc_page.table(heads, rows)]
+    for at in points:
+        of = {
+            **{name: [best[f][b] for f, b in cells] for name, best in at["best"].items()},
+            "carrier, computed": [at["line"][b] for _, b in cells],
+        }
+        for name, found in of.items():
+            values = zip(found, (f for f, _ in cells))
+            rows.append(
+                [at["point"], name, *(f"{row[f]:.3g}" if row else "–" for row, f in values)]
+            )
+    return heads, rows
 
 
 def main() -> None:

@@ -6,8 +6,8 @@ Usage: write_studies.py OUT_DIR [docs]
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import doc_page
@@ -37,35 +37,42 @@ STUDIES = {
 }
 
 
-#: Long tables: which rows the page shows, by the table's title and the row. All of them are in the
-#: data beside the page.
-ON_PAGE: dict[str, Callable[[str, list[str]], bool]] = {
-    "robustness": lambda title, row: title.startswith("paper-b"),
-    "lost-phase": lambda title, row: "goes on" not in title or row[1] == "open",
-}
+#: A table of at most so many rows stands on the page. A longer one is data beside it.
+ON_PAGE_ROWS = 4
 
 
 def markdown(tables: Grid, page: Path, name: str) -> str:
-    shown = ON_PAGE.get(name, lambda title, row: True)
+    """The short tables of a study, then links to the long ones."""
     lines: list[str] = []
     for title, heads, rows in tables:
-        on_page = [row for row in rows if shown(title, row)]
-        if on_page:
-            lines += [f"\n{title}:\n" if title else ""]
-            lines += doc_page.table(heads, on_page)
-    if name in ON_PAGE:
-        lines += ["", f"Every row: {keep(tables, page, name)}."]
-    return "\n".join(lines) + "\n"
+        if len(rows) <= ON_PAGE_ROWS:
+            lines += [f"\n{title}:\n" if title else "", *doc_page.table(heads, rows)]
+    links = keep([one for one in tables if len(one[2]) > ON_PAGE_ROWS], page, name)
+    return "\n".join([*lines, "", *links]) + "\n"
 
 
-def keep(tables: Grid, page: Path, name: str) -> str:
-    """The study's long tables, which have the same columns, as one file. Returns the link to it."""
-    shown = ON_PAGE[name]
-    long = [table for table in tables if not all(shown(table[0], row) for row in table[2])]
-    (heads,) = {tuple(heads) for _, heads, _ in long}
-    same = [(title, rows) for title, own, rows in tables if tuple(own) == heads]
-    every = [[title, *row] for title, rows in same for row in rows]
-    return doc_page.keep_data(page, name, ["table", *heads], every)
+def keep(tables: Grid, page: Path, name: str) -> list[str]:
+    """Tables with the same columns become one file. Returns a link to each file, as a list."""
+    alike: dict[tuple[str, ...], Grid] = {}
+    for table in tables:
+        alike.setdefault(tuple(table[1]), []).append(table)
+    links = []
+    for heads, group in alike.items():
+        title, _, rows = group[0]
+        file = name if len(alike) == 1 else f"{name}-{slug(title)}"
+        if len(group) > 1:
+            title, columns = "", ["table", *heads]
+            rows = [[own, *row] for own, _, of in group for row in of]
+        else:
+            columns = list(heads)
+        links.append(f"- {doc_page.keep_data(page, file, columns, rows, title)}")
+    return links
+
+
+def slug(title: str) -> str:
+    """A file's name from a title's first words."""
+    words = re.split(r"[:,]", title)[0].lower()
+    return re.sub(r"[^a-z0-9]+", "-", words).strip("-")
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ void ht_deadbeat_law_configure(ht_deadbeat_law_config *cfg, const ht_law_setting
     bool clamped = (given->kappa > 0.0f) && (given->kappa_from_pu == 0.0f);
     float turn_pu[3] = {TURN_PU, HT_NEVER_PU, 0.0f}; /* auto, off, always */
     turn_pu[0] = clamped ? 0.0f : TURN_PU;
-    cfg->gain = 1.0f;
+    cfg->gain = given->step_share;
     cfg->xy_ki_per_A = ht_voltage_law_xy_ki_per_A(given);
     cfg->xy_free_A2 = XY_FREE_SHARE * XY_FREE_SHARE * given->i_trip_A * given->i_trip_A;
     modulator->kappa = given->kappa;

@@ -233,7 +233,7 @@ static HT_INTO_CALLERS timing timing_of(const ht_modulator_input *in)
     t.dead_per_A = t.dead_half_pu2 / in->dead->i_zero_A;
     t.middle = 0.5f * full + 0.5f;
     t.early = 0.5f * full * in->dead->dead_pu;
-    t.most = 0.5f * full - (float)in->period->shortest;
+    t.most = 0.5f * (float)(t.period - 2u * in->period->shortest);
     return t;
 }
 

@@ -69,6 +69,13 @@ HT_SELDOM static void toggle_apart(const ht_period *period, uint32_t c1, uint32_
     }
 }
 
+/* Count of an instant. First count and up to a whole period: more than 16 bits. */
+static HT_INTO_CALLERS uint32_t count_at(uint16_t first, float t, float full)
+{
+    float at = (float)first + t * full + 0.5f;
+    return (uint32_t)at;
+}
+
 void ht_pattern_counts(const uint16_t s[3], ht_action_points p, const ht_period *period,
                        ht_compare *counts, ht_applied *applied)
 {
@@ -94,11 +101,8 @@ void ht_pattern_counts(const uint16_t s[3], ht_action_points p, const ht_period 
         applied->t[0] = (float)first / full;
     }
     if ((toggle1 | toggle2) != 0u) {
-        /* First count and up to a whole period: more than 16 bits. */
-        float f1 = (float)first + p.t1 * full + 0.5f;
-        float f2 = (float)first + p.t2 * full + 0.5f;
-        uint32_t c1 = (uint32_t)f1;
-        uint32_t c2 = (uint32_t)f2;
+        uint32_t c1 = count_at(first, p.t1, full);
+        uint32_t c2 = count_at(first, p.t2, full);
         uint32_t shortest = period->shortest;
         if ((c1 < (first + shortest)) || (c2 < (c1 + shortest)) || ((c2 + shortest) > end)) {
             toggle_apart(period, c1, c2, counts, applied);

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from doc_page import read_data
 
 from hexatorque import setups
 from hexatorque.evidence.methods.fsw import SLOW_HZ
@@ -57,7 +58,7 @@ def low_speed() -> list[str]:
     """Flux in per cent and speed in r/min of the hybrid observer under each scheme. Six points a
     cell."""
     page = (DOCS / "observers.md").read_text()
-    rows = table_after("observers.md", "## Low speed, measured")
+    heads, *rows = read_data(DOCS / "observers.md", "low-speed")
     hybrid = [row for row in rows if row[0].startswith("hybrid") and "late" not in row[0]]
     flux, speed = [], []
     for row in hybrid:
@@ -67,8 +68,7 @@ def low_speed() -> list[str]:
             speed.append(float(b))
     beyond = [error for error in flux if error > 2]
     assert f"the flux was {beyond[0]} % low for one half second" in page
-    heads = page.split("## Low speed, measured")[1].split("|---")[0]
-    changes = [round(100 * abs(float(x) - 1)) for x in re.findall(r"× ([\d.]+)", heads)]
+    changes = [round(100 * abs(float(head.split("× ")[1]) - 1)) for head in heads[2:]]
     speed_rpm = math.ceil(max(speed))
     return [
         str(changes[0]), str(changes[2]), "2",
@@ -77,8 +77,7 @@ def low_speed() -> list[str]:
 
 
 def faults() -> list[str]:
-    rows = table_after("protection.md", "<!-- generated: faults -->")
-    done = [tuple(map(int, row[-1].split(" / "))) for row in rows]
+    done = [tuple(map(int, row["failures / runs"].split(" / "))) for row in data("faults")]
     assert sum(failures for failures, _ in done) == 0
     return [str(sum(runs for _, runs in done))]
 

@@ -5,6 +5,7 @@ import json
 import re
 from pathlib import Path
 
+import doc_page
 import pytest
 
 from hexatorque import setups
@@ -16,25 +17,27 @@ PAGE = (ROOT / "docs" / "first-spin.md").read_text(encoding="utf-8")
 V_REF = 3.0
 
 
-def section(title: str) -> str:
-    """From a heading to the next one of any size."""
-    return re.split(r"\n#+ ", PAGE.split(f" {title}\n", 1)[1])[0]
-
-
 def rows(text: str) -> dict[str, str]:
     """The first cell of each row of the tables, and the others."""
     cells = (re.match(r"\|\s*(.*?)\s*\|(.*)\|", line) for line in text.splitlines())
     return {found[1]: found[2] for found in cells if found}
 
 
-def demands(title: str) -> set[str]:
-    return {name for name in rows(section(title)) if name.startswith("**")}
+def data(name: str) -> dict[str, str]:
+    """The same of a table beside the page."""
+    _, *lines = doc_page.read_data(ROOT / "docs" / "first-spin.md", name)
+    return {line[0]: " | ".join(line[1:]) for line in lines}
 
 
-@pytest.mark.parametrize("title", ["48 V", "Mains voltage"])
-def test_each_set_answers_every_demand(title):
-    wanted = demands("The power stage")
-    assert len(wanted) > 10 and wanted <= demands(title)
+def demands() -> set[str]:
+    section = re.split(r"\n#+ ", PAGE.split("## The power stage\n", 1)[1])[0]
+    return {name.strip("*") for name in rows(section) if name.startswith("**")}
+
+
+@pytest.mark.parametrize("parts", ["48-V", "mains"])
+def test_each_set_answers_every_demand(parts):
+    wanted = demands()
+    assert len(wanted) > 10 and wanted <= set(data(f"demands-{parts}"))
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +53,7 @@ def test_the_review_finds_nothing_but_the_comparators_mean(capsys):
 
 
 def numbers(part: str) -> list[float]:
-    return [float(n) for n in re.findall(r"\d+(?:\.\d+)?", rows(section("48 V"))[part])]
+    return [float(n) for n in re.findall(r"\d+(?:\.\d+)?", data("parts-48-V")[part])]
 
 
 def test_the_values_of_the_parts_are_those_of_the_setup(setup):

@@ -1,6 +1,7 @@
 """The site: the pages that its hook writes from the program are complete, and every page can be
 reached. `make docs` checks all links in strict mode."""
 
+import csv
 import importlib
 import inspect
 import re
@@ -19,12 +20,43 @@ CONFIG = (ROOT / "mkdocs.yml").read_text()
 
 
 def test_every_page_is_in_the_navigation_once():
-    pages = re.findall(r"(\S+\.md)$", CONFIG[CONFIG.index("nav:") :], re.M)
+    pages = re.findall(r"^ .*?(\S+\.md)$", CONFIG[CONFIG.index("\nnav:") :], re.M)
     written = {path.name for path in (ROOT / "docs").glob("*.md")}
     generated = {*site_hook.FROM_ROOT, "gallery.md"} | {
         f"reference/{name}.md" for name in ("commands", "python", "parameters", "channels")
     }
     assert sorted(pages) == sorted(written | generated)
+
+
+def test_every_table_of_data_is_a_page_that_a_page_leads_to():
+    """A page of the documentation links to the file. On the site the link leads to the table."""
+    for path in (ROOT / "docs/data").glob("*.csv"):
+        page = site_hook.data_page(path)
+        (leads,) = re.findall(r"^From (.*)\. The table as a file", page, re.M)
+        assert re.findall(r"\]\(\.\./(\S+\.md)\)", leads), f"no page leads to {path.name}"
+        with path.open() as file:
+            rows = list(csv.reader(file))
+        lines = [line for line in page.splitlines() if line.startswith("| ")]
+        assert len(lines) == len(rows) + 1  # and the line below the head
+        assert len({line.replace("\\|", "").count("|") for line in lines}) == 1
+
+
+def test_a_link_to_data_leads_to_its_page():
+    class Pages:
+        file = type("File", (), {"src_uri": "results.md"})
+
+        def get_file_from_path(self, path):
+            return path in ("data/verdicts.md", "data/verdicts.csv")
+
+        def documentation_pages(self):
+            return []
+
+    def led(text):
+        return site_hook.on_page_markdown(text, Pages, None, Pages())
+
+    assert led("[all](data/verdicts.csv)") == "[all](data/verdicts.md)"
+    Pages.file.src_uri = "data/verdicts.md"
+    assert led("[all](verdicts.csv)") == "[all](verdicts.csv)"
 
 
 def test_nothing_is_loaded_from_elsewhere():

@@ -12,7 +12,7 @@ REASONS = {
     "a library calls it by this name": {
         "on_start", "on_end", "read_logs", "append_logs", "log_message", "do_GET", "do_POST",
         "InheritedTexts", "on_package", "pytest_runtestloop", "pytest_runtest_logreport",
-        "on_config", "on_files", "on_page_markdown", "css_class", "kwargs", "language", "md",
+        "on_config", "on_files", "css_class", "kwargs", "language", "md",
     },
     "a library or Python reads it": {
         "no_args_is_help", "showwarning", "daemon_threads", "request_queue_size", "baudrate",

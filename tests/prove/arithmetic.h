@@ -51,6 +51,12 @@ static float ht_above_square = 0.0f;
 static float ht_below = -1.0f;
 static float ht_below_square = 0.0f;
 
+/* Rounded: what lies between two numbers gives with a third one a sum between theirs. Set by a
+ * harness. */
+static float ht_summand = -1.0f;
+static float ht_from[2];
+static float ht_sum[2];
+
 /* For a harness that says something about a sum. */
 static float ht_last_sum;
 
@@ -58,6 +64,8 @@ static inline float ht_free_add(float a, float b)
 {
     float sum = nondet_float();
     HT_FACTS_OF_ADD(a, b, sum);
+    HT_FACT((b == ht_summand) && (a >= ht_from[0]), sum >= ht_sum[0]);
+    HT_FACT((b == ht_summand) && (a <= ht_from[1]), sum <= ht_sum[1]);
     ht_last_sum = sum;
     return sum;
 }

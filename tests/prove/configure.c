@@ -2,7 +2,9 @@
 #include "ht_configure.c"
 #include "ht_contracts.h"
 #include "ht_control.c"
+#define magnet_reference deadbeat_reference /* a name of two files */
 #include "ht_deadbeat_law.c"
+#undef magnet_reference
 #include "ht_foc_law.c"
 #include "ht_lost_legs.c"
 #include "ht_misfit.h"

@@ -4,15 +4,28 @@
 #include "ht_vsd.c"
 #include "prove.h"
 
-/* What a leg relies on: the middle of the period, and room for the shortest pulse on either side. */
 static uint16_t shortest;
 
-static bool is_timing(const timing *t)
+/* What a leg relies on: the middle of the period, and room for the shortest pulse on either side.
+ * All are multiples of a half far below 2^23, so their sums are exact: middle - most is the
+ * shortest pulse and a half, middle + most the period without it and a half. */
+void prove_timing_of(void)
 {
-    float full = (float)t->period;
-    return (t->period >= 8u) && ((t->middle + t->middle) == (full + 1.0f)) && (shortest >= 1u)
-           && (shortest <= (t->period / 2u))
-           && ((t->most + t->most) == (full - 2.0f * (float)shortest));
+    ht_period period;
+    ht_dead_time dead = {0.0f, 1.0f}; /* the edges do not depend on it */
+    ht_modulator_input in;
+    timing t;
+    in.dead = &dead;
+    in.period = &period;
+    period.counts = nondet_uint16();
+    period.first = 0u;
+    shortest = nondet_uint16();
+    period.shortest = shortest;
+    GIVEN(HT_IS_PERIOD(period));
+    t = timing_of(&in);
+    MUST(t.period == period.counts);
+    MUST((t.middle + t.middle) == (float)(period.counts + 1u));
+    MUST((t.most + t.most) == (float)(period.counts - 2u * shortest));
 }
 
 /* One leg, with any timing on which it may rely. */
@@ -37,7 +50,13 @@ void prove_modulate(void)
     t.early = nondet_float();
     t.most = nondet_float();
     shortest = nondet_uint16();
-    GIVEN(is_timing(&t));
+    GIVEN((period >= 8u) && (shortest >= 1u) && (shortest <= (period / 2u)));
+    GIVEN((t.most >= 0.0f) && (t.middle >= 0.0f));
+    ht_summand = t.middle;
+    ht_from[0] = -t.most;
+    ht_from[1] = t.most;
+    ht_sum[0] = (float)shortest + 0.5f;
+    ht_sum[1] = (float)(uint16_t)(period - shortest) + 0.5f;
     c = carrier_of(nondet_bool(), &t);
     modulate(&t, &c, d, 1.0f, leg, &found, ca, instant, share);
     moves = found.moves != 0u;
@@ -67,12 +86,29 @@ void prove_modulator_check(void)
     MUST((cfg.kappa_from_pu >= 0.0f) && (cfg.turn_pu >= 0.0f));
 }
 
+/* The timing of the period that is being proved. */
+static timing the_timing;
+
+static timing promise_timing_of(const ht_modulator_input *in)
+{
+    MUST(HT_IS_PERIOD(*in->period) && (in->period->shortest == shortest));
+    the_timing.period = in->period->counts;
+    the_timing.per_count = nondet_float();
+    the_timing.dead_half_pu2 = nondet_float();
+    the_timing.dead_per_A = nondet_float();
+    the_timing.middle = 1.0f; /* no register depends on which numbers these are */
+    the_timing.early = nondet_float();
+    the_timing.most = 0.0f;
+    return the_timing;
+}
+
 static void promise_modulate(const timing *t, const carrier *c, float d, float i_A, uint16_t leg,
                              legs *found, uint16_t *ca, float *instant, float *share)
 {
     unsigned bit = HT_LEG_U1 >> leg;
     bool moves = nondet_bool();
-    MUST((leg < 6u) && is_timing(t));
+    MUST((leg < 6u) && (t->period == the_timing.period) && (t->middle == the_timing.middle)
+         && (t->most == the_timing.most));
     found->moves |= moves ? bit : 0u;
     found->high |= (!moves && !is_nan(d) && nondet_bool()) ? bit : 0u;
     ca[leg] = nondet_uint16();

@@ -3,18 +3,80 @@
 #include "ht_tables.c"
 #include "prove.h"
 
-/* Every pattern that the table law can ask for becomes registers that toggle each leg where its
- * bits differ and nowhere else, and no pulse is shorter than the shortest. */
+/* Beyond this no count of an instant lies: the first one is in the first half of a period. */
+#define MOST_COUNT 98303u
+
+static uint32_t promise_count_at(uint16_t first, float t, float full)
+{
+    uint32_t count = nondet_uint32();
+    MUST((first < 32768u) && (t >= 0.0f) && (t <= 1.0f) && (full >= 8.0f) && (full <= 65535.0f));
+    GIVEN((count >= first) && (count <= MOST_COUNT));
+    return count;
+}
+
+void prove_count_at(void)
+{
+    uint16_t first = nondet_uint16();
+    float t = nondet_float();
+    float full = nondet_float();
+    uint32_t count;
+    GIVEN((first < 32768u) && (t >= 0.0f) && (t <= 1.0f) && (full >= 8.0f) && (full <= 65535.0f));
+    ht_most[0][0] = 1.0f;
+    ht_most[0][1] = 65535.0f;
+    count = count_at(first, t, full);
+    MUST((count >= first) && (count <= MOST_COUNT));
+}
+
+/* Each leg of a word toggles at the count that is told, no other leg changes. */
+void prove_toggle(void)
+{
+    ht_compare counts;
+    ht_applied applied;
+    uint16_t leg = nondet_uint16();
+    uint16_t toggle1 = nondet_uint16();
+    uint16_t toggle2 = nondet_uint16();
+    uint16_t c1 = nondet_uint16();
+    uint16_t c2 = nondet_uint16();
+    uint16_t ca = nondet_uint16();
+    uint16_t cb = nondet_uint16();
+    GIVEN(HT_IS_WORD(toggle1) && HT_IS_WORD(toggle2) && (leg < 6u));
+    counts.ca[leg] = ca;
+    counts.cb[leg] = cb;
+    toggle(&counts, &applied, toggle1, toggle2, c1, c2, nondet_float());
+    MUST(counts.ca[leg] == (((toggle1 & (0x20u >> leg)) != 0u) ? c1 : ca));
+    MUST(counts.cb[leg] == (((toggle2 & (0x20u >> leg)) != 0u) ? c2 : cb));
+}
+
+/* What the legs are told at the end, if any toggles. */
+static bool toggled;
+static ht_period the_period;
+
+static void promise_toggle(ht_compare *counts, ht_applied *applied, unsigned toggle1,
+                           unsigned toggle2, uint32_t c1, uint32_t c2, float full)
+{
+    uint32_t earliest = (uint32_t)the_period.first + the_period.shortest;
+    MUST(!toggled); /* once a period */
+    MUST(HT_IS_WORD(toggle1) && HT_IS_WORD(toggle2));
+    MUST(counts->start == applied->s[0]);
+    MUST(toggle1 == ((unsigned)applied->s[0] ^ applied->s[1]));
+    MUST(toggle2 == ((unsigned)applied->s[1] ^ applied->s[2]));
+    MUST(IMPLIES(toggle1 != 0u,
+                 (c1 >= earliest) && ((c1 + the_period.shortest) <= the_period.counts)));
+    MUST(IMPLIES(toggle2 != 0u,
+                 (c2 >= earliest) && ((c2 + the_period.shortest) <= the_period.counts)));
+    MUST(IMPLIES((toggle1 != 0u) && (toggle2 != 0u), (c1 + the_period.shortest) <= c2));
+    toggled = true;
+}
+
+/* Every pattern that the table law can ask for becomes toggles where its words differ and nowhere
+ * else, and no pulse is shorter than the shortest. */
 void prove_pattern(void)
 {
     uint16_t s[3];
     ht_action_points p;
     ht_compare counts;
     ht_applied applied;
-    ht_period period;
     uint16_t leg = nondet_uint16();
-    bool toggles1;
-    bool toggles2;
     int n;
     for (n = 0; n < 3; n++) {
         s[n] = nondet_uint16();
@@ -23,23 +85,18 @@ void prove_pattern(void)
     p.t1 = nondet_float();
     p.t2 = nondet_float();
     GIVEN(HT_ARE_ACTION_POINTS(p));
-    period.counts = nondet_uint16();
-    period.first = nondet_uint16();
-    period.shortest = nondet_uint16();
-    GIVEN(HT_IS_PERIOD(period) && (leg < 6u));
-    ht_pattern_counts(s, p, &period, &counts, &applied);
+    the_period.counts = nondet_uint16();
+    the_period.first = nondet_uint16();
+    the_period.shortest = nondet_uint16();
+    GIVEN(HT_IS_PERIOD(the_period) && (leg < 6u));
+    toggled = false;
+    ht_pattern_counts(s, p, &the_period, &counts, &applied);
     for (n = 0; n < 3; n++) { /* none but what was asked for */
         MUST((applied.s[n] == s[0]) || (applied.s[n] == s[1]) || (applied.s[n] == s[2]));
     }
     MUST(counts.start == applied.s[0]);
-    MUST(HT_IS_COMPARE(counts.ca[leg], period));
-    MUST(HT_IS_COMPARE(counts.cb[leg], period));
-    toggles1 = (((unsigned)applied.s[0] ^ applied.s[1]) & (0x20u >> leg)) != 0u;
-    toggles2 = (((unsigned)applied.s[1] ^ applied.s[2]) & (0x20u >> leg)) != 0u;
-    MUST((counts.ca[leg] != period.counts) == toggles1);
-    MUST((counts.cb[leg] != period.counts) == toggles2);
-    MUST(IMPLIES(toggles1 && toggles2,
-                 ((uint32_t)counts.ca[leg] + period.shortest) <= counts.cb[leg]));
+    MUST(toggled || ((applied.s[0] == applied.s[1]) && (applied.s[1] == applied.s[2])));
+    MUST((counts.ca[leg] == the_period.counts) && (counts.cb[leg] == the_period.counts));
 }
 
 void prove_applied_high(void)

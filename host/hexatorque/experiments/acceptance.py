@@ -51,9 +51,9 @@ def accept(
         sim.set("load_Nm", load_share * load_Nm)
         within = min(TOLERANCE, TOLERANCE_SLOW * abs(share)) if share else TOLERANCE
         _settle(sim, share * speed_rpm, within * speed_rpm, longest_s)
+    sim.stop()
     if sim.gate_mistake:
         raise NotReached(sim.gate_mistake)
-    sim.stop()
     return sim
 
 

@@ -35,6 +35,7 @@ class Key:
     choices: tuple[str, ...] = ()
     default: Any = None  #: None = must be given, or follows another key
     follows: str = ""  #: key of the same section whose value this one has unless it is given
+    share: float = 1.0  #: of that value, where the set-up's open values are designed
 
 
 def _n(help: str, unit: str, low: float, high: float, default: float | None = None) -> Key:
@@ -48,6 +49,10 @@ def _six(help: str, unit: str, low: float, high: float, default: float = 0.0) ->
 #: Largest dc-link voltage: 13.8 kV machines, with the sensors' range above it. Largest speed:
 #: beyond it a two-pole flux has fewer than ten periods of 10 kHz for a turn. Largest torque.
 MOST_V, MOST_RPM, MOST_NM = 5e4, 6e4, 1e5
+
+#: L_xy over the stator leakage, as pitch and slots make it: the least, and what is taken where
+#: nobody has measured it. The largest is 1, and this is the geometric mean.
+LXY_LEAST, LXY_SHARE = 0.3, 0.55
 
 #: Everything a set-up holds besides the controller's parameters, which the
 #: firmware's own table defines.
@@ -64,7 +69,9 @@ KEYS: dict[str, dict[str, Key]] = {
         "ld_H": _n("inductance along the d axis, the magnets' north pole", "H", 1e-6, 10),
         "lq_H": _n("inductance across the d axis", "H", 1e-6, 10),
         "lxy_H": replace(
-            _n("inductance of the x-y plane, unless given lls_H", "H", 1e-6, 10), follows="lls_H"
+            _n(f"inductance of the x-y plane, unless given {LXY_SHARE:g} lls_H", "H", 1e-6, 10),
+            follows="lls_H",
+            share=LXY_SHARE,
         ),
         "inertia_kgm2": _n("inertia, load included", "kg m2", 1e-6, 1e5),
         "viscous_Nms": _n("viscous friction", "N m s", 0, 1e3, 0.0),

@@ -51,7 +51,10 @@ class Setup:
             spec = KEYS[section][key]
             if section == "machine" and key != MODEL and key not in self._machine_keys():
                 raise SetupError(foreign((key,), self["machine.model"])[0])
-            return self[f"{section}.{spec.follows}"] if spec.follows else spec.default
+            if not spec.follows:
+                return spec.default
+            share = spec.share if self.defaults == "derived" else 1.0
+            return share * self[f"{section}.{spec.follows}"]
         if section == paths.CONTROLLER and key in paths.TIMING_OWNS:
             return self.parameter(key)
         section, key = paths.split(path)
@@ -63,7 +66,10 @@ class Setup:
         return (p for p in paths.every() if p in own or not p.startswith("machine."))
 
     def __contains__(self, path: object) -> bool:
-        return any(path == one for one in self)
+        section, _, key = str(path).partition(".")
+        if section == "machine":
+            return key in self._machine_keys()
+        return (section in KEYS and key in KEYS[section]) or path in paths.every()
 
     def changed(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> Setup:
         """A copy with other values: `changed({"controller.scheme": "ddr", "machine.rs_ohm": 2})`,

@@ -518,7 +518,7 @@ def believed(watch):
     return 1 + watch.state.more_ohm / watch.cfg.l_per_ts_ohm
 
 
-@pytest.mark.parametrize("share", (0.42, 0.6, 0.8, 1.3, 2.0, 2.4))
+@pytest.mark.parametrize("share", (0.25, 0.6, 0.8, 1.3, 2.0, 4.1))
 @pytest.mark.parametrize("leg", range(6))
 def test_a_wrong_inductance_is_learnt_from_what_would_name_a_leg(leg, share):
     """Each residual is (L believed - L) di/dt: one L_xy explains all of them, whatever the
@@ -530,9 +530,9 @@ def test_a_wrong_inductance_is_learnt_from_what_would_name_a_leg(leg, share):
     assert watch.state.count == 0
 
 
-@pytest.mark.parametrize("share", (0.38, 2.6))
+@pytest.mark.parametrize("share", (0.23, 4.3))
 def test_no_inductance_is_learnt_that_no_machine_has(share):
-    """The parameter is at most 2.5 times the true one, or the true one 2.5 times the parameter."""
+    """The parameter is at most 4.2 times the true one, or the true one 4.2 times the parameter."""
     watch = Watch()
     assert changing(watch, changes(), share) is not None
     assert believed(watch) == 1
@@ -646,7 +646,7 @@ def test_where_the_xy_current_hardly_changes_nothing_is_learnt():
     assert learnt_slowly(1.3, 10.0, error=no_error()) == 1.3
 
 
-@pytest.mark.parametrize("share", (0.2, 3.0))
+@pytest.mark.parametrize("share", (0.2, 4.5))
 def test_the_slow_interrupt_learns_no_inductance_that_no_machine_has(share):
     assert learnt_slowly(share, 200.0, error=no_error()) == share
 

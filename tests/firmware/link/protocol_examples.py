@@ -1,14 +1,18 @@
-"""The examples of docs/protocol.md, made by the firmware byte by byte.
+"""The data beside docs/protocol.md: its examples, made by the firmware byte by byte, and the rules
+about two parameters.
 
-`python tests/firmware/link/protocol_examples.py` writes them into the page anew.
+`python tests/firmware/link/protocol_examples.py` writes both files anew.
 """
 
 from __future__ import annotations
 
 import struct
+import sys
 import textwrap
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).parents[3] / "tools"))
+import doc_page
 from device import (
     CHANNELS,
     HELLO,
@@ -26,13 +30,10 @@ from device import (
     frame,
 )
 
-from hexatorque.firmware import ffi
+from hexatorque.firmware import decimal, ffi, lib, parameters
 
 PAGE = Path(__file__).parents[3] / "docs" / "protocol.md"
-BEGIN, END = (
-    "<!-- examples: made by tests/firmware/link/protocol_examples.py -->\n",
-    "<!-- end -->\n",
-)
+FILE = PAGE.parent / "data" / "protocol-examples.txt"
 #: An invented CRC, because every change of a text in the tables changes the real one.
 DICTIONARY = 0xBEEF0BAD
 #: Fast interrupts between a request and the reading of the reply.
@@ -172,19 +173,31 @@ def dialogue() -> list[tuple[str, list[bytes]]]:
 
 
 def text() -> str:
-    parts = [
-        "\n".join(
-            (f"**{heading}**", "```text", *(line for b in bodies for line in shown(b)), "```")
-        )
-        for heading, bodies in dialogue()
-    ]
-    return BEGIN + "\n".join(parts) + "\n" + END
+    parts = []
+    for heading, bodies in dialogue():
+        parts.append("\n".join([heading, *(line for b in bodies for line in shown(b)), ""]))
+    return "\n".join(parts)
+
+
+def misfits() -> list[list[str]]:
+    """The rules about two parameters: number, and what is needed."""
+    names, rows = list(parameters()), []
+    for number in range(1, lib.HT_MISFITS):
+        row = lib.ht_misfit_describe(number)
+        first, second = names[row.first], names[row.second]
+        if row.share:
+            times = "" if row.share == 1 else f"{decimal(row.share):g} "
+            needed = f"{first} {'≤' if row.touch else '<'} {times}{second}"
+        else:
+            said = ffi.string(lib.ht_misfit_demand(number)).decode()
+            needed = f"{', '.join(dict.fromkeys((first, second)))}: {said}"
+        rows.append([f"{number}", needed])
+    return rows
 
 
 def main() -> None:
-    page = PAGE.read_text()
-    before, rest = page.split(BEGIN)
-    PAGE.write_text(before + text() + rest.split(END)[1])
+    FILE.write_text(text())
+    doc_page.keep_data(PAGE, "misfits", ["number", "needed"], misfits())
 
 
 if __name__ == "__main__":

@@ -3,19 +3,20 @@
 import re
 import struct
 
+import doc_page
 import numpy as np
 import protocol_examples
 from peer import cobs_decode
 
-from hexatorque.firmware import PARAMETER_SETS, decimal, ffi, lib, parameters
+from hexatorque.firmware import PARAMETER_SETS, lib
 from hexatorque.results import RESULTS
 from hexatorque.serial import wire
 
 
-def blocks(page):
+def blocks(text):
     """[[(host or board, frame, body, text), ...] of every example]"""
     found = []
-    for block in re.findall(r"```text\n(.*?)```", page, re.DOTALL):
+    for block in text.split("\n\n"):
         parts = re.split(r"^(host  |board )", block, flags=re.MULTILINE)[1:]
         messages = []
         for who, rest in zip(parts[::2], parts[1::2]):
@@ -27,14 +28,14 @@ def blocks(page):
     return found
 
 
-EXAMPLES = blocks(protocol_examples.PAGE.read_text())
+EXAMPLES = blocks(protocol_examples.FILE.read_text())
 MESSAGES = [message for example in EXAMPLES for message in example]
 KINDS = ("parameter", "channel", "fault", "state")
 
 
 def test_the_pages_examples_are_the_boards_present_frames():
-    page = protocol_examples.PAGE.read_text()
-    assert protocol_examples.text() in page, "run python tests/firmware/link/protocol_examples.py"
+    kept = protocol_examples.FILE.read_text()
+    assert kept == protocol_examples.text(), "run python tests/firmware/link/protocol_examples.py"
 
 
 def test_the_firmware_answers_the_pages_requests_with_the_pages_replies():
@@ -80,18 +81,14 @@ def test_the_page_has_the_tables_text_for_each_status():
     assert numbered("Status") == {0: "done", **texts}
 
 
-def test_the_page_says_of_each_misfit_what_the_table_demands():
-    names, demands = list(parameters()), {}
-    for number in range(1, lib.HT_MISFITS):
-        row = lib.ht_misfit_describe(number)
-        first, second = names[row.first], names[row.second]
-        if row.share:
-            times = "" if row.share == 1 else f"{decimal(row.share):g} "
-            demands[number] = f"{first} {'≤' if row.touch else '<'} {times}{second}"
-        else:
-            text = ffi.string(lib.ht_misfit_demand(number)).decode()
-            demands[number] = f"{', '.join(dict.fromkeys((first, second)))}: {text}"
-    assert numbered("Parameters that do not fit together") == demands
+def test_the_table_of_misfits_is_the_firmwares():
+    rows = doc_page.read_data(protocol_examples.PAGE, "misfits")[1:]
+    assert rows == protocol_examples.misfits(), (
+        "run python tests/firmware/link/protocol_examples.py"
+    )
+    assert rows[0] == ["1", "torque_inner_Nm ≤ torque_band_Nm"]
+    assert rows[4] == ["5", "i_trip_A ≤ 0.885 i_full_A"]
+    assert len(rows) == lib.HT_MISFITS - 1
 
 
 def test_the_page_has_the_tables_text_for_each_set():

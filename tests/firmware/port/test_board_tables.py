@@ -6,6 +6,7 @@ import math
 import re
 
 import board_tables
+import doc_page
 import pytest
 from board_tables import DIMM100, LAUNCHPAD, PAGE
 
@@ -18,18 +19,16 @@ TEXT = PAGE.read_text()
 def test_tables_are_the_boards(board):
     written, wanted = board_tables.written(TEXT, board), board_tables.text(board)
     assert written == wanted, f"python tools/board_tables.py; wanted:\n{wanted}"
+    rows = [board_tables.heads(board), *map(list, board_tables.rows(board))]
+    assert doc_page.read_data(PAGE, f"pins-{board}") == rows, "python tools/board_tables.py"
 
 
 @pytest.mark.parametrize("board", BOARDS)
 def test_a_table_in_words(board):
-    """Read from the page, not from the tool: every signal once, no pin twice, upper and lower
+    """Read from the data, not from the tool: every signal once, no pin twice, upper and lower
     switch of a leg on A and B of one module, the numbers those of `ht_board.c`."""
     table = getattr(lib, f"ht_board_{board}")
-    rows = [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in board_tables.written(TEXT, board).splitlines()
-        if line.startswith("| ") and "pin of the device" not in line
-    ]
+    rows = doc_page.read_data(PAGE, f"pins-{board}")[1:]
     signals = {row[0]: row[1:] for row in rows}
     assert len(signals) == len(rows) == 12 + 5 + 7
     pins = [row[1] for row in rows]
@@ -66,14 +65,14 @@ def test_each_connector_pin_is_used_once():
 # --- the worked front end -----------------------------------------------------------------
 
 
-def value(quantity, section):
-    """The second cell of a row of the page's tables, as its numbers."""
-    part = TEXT[TEXT.index(section) :]
-    (cell,) = re.findall(rf"^\| {re.escape(quantity)} \| ([^|]*) \|", part, re.M)[:1]
+def value(quantity, table):
+    """The second cell of a row of a table beside the page, as its numbers."""
+    rows = {row[0]: row[1] for row in doc_page.read_data(PAGE, table)}
+    cell = rows[quantity.replace("`", "")]
     return [float(x.replace("−", "-")) for x in re.findall(r"[−-]?\d+\.?\d*", cell)]
 
 
-CURRENT, LINK = "### One current, worked out", "### The dc link, worked out"
+CURRENT, LINK = "front-end-current", "front-end-dc-link"
 V_REF = 3.0
 
 
@@ -116,7 +115,7 @@ def test_front_end_of_a_current():
     assert value("pull-down of 50 kΩ in the chip", CURRENT) == pytest.approx(
         [-100 * 100 / 50.1e3], abs=0.01
     )
-    assert "`i_trip_A` 25 A at most" in TEXT and 25 < 80 / 3 and 25 < 0.885 * full
+    assert "`i_trip_A` of 25 A at most" in TEXT and 25 < 80 / 3 and 25 < 0.885 * full
 
 
 def test_front_end_of_the_dc_link():

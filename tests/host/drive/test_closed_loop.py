@@ -441,3 +441,25 @@ def test_modulated_law_changes_with_every_other_one_in_flight(setup):
                 sim.run(0.05)
                 sim.check()
         assert sim.speed_rpm == pytest.approx(speed_rpm, abs=0.02 * abs(speed) + 5)
+
+
+@pytest.mark.parametrize("name", ("small-2kw", "large-110kw"))
+def test_smaller_steps_bear_a_leakage_that_is_far_too_large(name):
+    """A step of the torque acts as many times too strongly as the leakage in use is too large, and
+    the law sees it a period later. Whole steps swing beyond twice, half ones beyond three times."""
+    setup = setups.load(name).with_scheme("db-dtfc")
+
+    def swing_Nm(share: float) -> float:
+        too_large = 2.3 * setup.parameter("sigma_ls_H")
+        sim = SimulatedDrive(
+            setup.changed(controller__sigma_ls_H=too_large, controller__step_share=share), 1
+        )
+        sim.start()
+        sim.set("speed_ref_rpm", 300)
+        sim.run(1.0, record=False)
+        sim.run(0.05)
+        return float(sim.take()["plant.torque_Nm"].std())
+
+    rated_Nm = setup["rated.torque_Nm"]
+    assert swing_Nm(1.0) > 0.1 * rated_Nm
+    assert swing_Nm(0.5) < 0.01 * rated_Nm

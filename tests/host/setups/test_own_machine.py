@@ -2,18 +2,26 @@
 
 import math
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hexatorque import firmware, setups
 from hexatorque.cli.main import main
+from hexatorque.plant.machines.induction_parameters import Parameters
 from hexatorque.setups import SetupError, derived, keys, new, review
 from hexatorque.setups.design import Design
 from hexatorque.setups.estimate import estimate, ranges
 from hexatorque.setups.nameplate import Nameplate, ThreePhase
 
 PLATE = "power_kW=7.5,voltage_V=400,current_A=7.8,frequency_Hz=50,speed_rpm=1455,poles=4"
+#: R_s is large for a rotor that takes so long.
+SLOW_ROTOR = "pole_pairs=2,rs_ohm=0.63,rr_ohm=0.33,lls_H=0.014,llr_H=0.0087,lm_H=0.279"
+SLOW_ROTOR += ",current_A=54.6,vdc_V=4550"
+#: Little pull-out torque.
+WEAK = "pole_pairs=3,rs_ohm=0.0071,rr_ohm=0.0056,lls_H=1.0e-4,llr_H=0.63e-4,lm_H=1.04e-3"
+WEAK += ",current_A=79.6,vdc_V=50"
 CIRCUIT = "pole_pairs=2,rs_ohm=1.8,rr_ohm=2,lls_H=0.01,llr_H=0.015,lm_H=0.284"
 CIRCUIT += ",current_A=5,vdc_V=300"
 PLATES = [
@@ -296,3 +304,59 @@ def test_large_and_fast_machines_get_a_set_up_that_the_firmware_takes(plate, spe
     kp = setup.parameter("kp_speed_Nms_rad")
     assert kp / d.machine.inertia_kgm2 == pytest.approx(corner, rel=1e-3)
     firmware.Controller(setup["timing.device"], setups.parameters(setup))
+
+
+def test_the_flux_check_bears_a_resistance_that_is_15_percent_off():
+    """The stator flux leaves its estimate by 15 % of R_s i a second, and i flows at the torque
+    limit. The rotor's equation, step by step: d psi_r/dt = R_r (L_m i_d - psi_r)/L_r, where the
+    rotor flux keeps its distance from the stator's. What i_d is more than before the flux moved,
+    less what the moved flux takes by itself, is off the circle diagram."""
+    setup = setups.parse(new.from_circuit(SLOW_ROTOR, "x"), "x")
+    of, m = setups.parameters(setup), Parameters(**setup.machine_values())
+    psi_Wb, decay_s = of["flux_ref_Wb"], m.lr_H / m.rr_ohm
+    volts = 0.15 * m.rs_ohm * m.current_A(of["torque_limit_Nm"], psi_Wb)
+    rotor_Wb, step_s, held_A = psi_Wb, 1e-5, psi_Wb / m.lm_H
+    for _ in range(1000):
+        wanted_Wb = rotor_Wb + volts * step_s
+        i_d_A = (rotor_Wb + decay_s * (wanted_Wb - rotor_Wb) / step_s) / m.lm_H
+        rotor_Wb += step_s * (m.lm_H * i_d_A - rotor_Wb) / decay_s
+    off = (i_d_A - rotor_Wb / m.lm_H) / held_A
+    assert max(0.7, 1.5 * Design(setup, of.__getitem__).ripple) < off < 1.01 * of["flux_check"]
+    assert of["flux_check"] < 3
+
+
+def test_the_torque_limit_is_below_the_pull_out_torque_of_a_machine_of_more_leakage():
+    """By the circle diagram, for a machine whose rated torque is near its pull-out torque: both
+    leakages a quarter larger, and 8 % of the flux missing. It stays above the rated torque."""
+    setup = setups.parse(new.from_circuit(WEAK, "x"), "x")
+    of, believed = setups.parameters(setup), Parameters(**setup.machine_values())
+    leakages = {"lls_H": 1.25 * believed.lls_H, "llr_H": 1.25 * believed.llr_H}
+    true = replace(believed, **leakages)
+    most_Nm = true.pull_out_Nm(0.92 * of["flux_ref_Wb"])
+    rated_Nm = Design(setup, of.__getitem__).rated_Nm
+    assert rated_Nm < of["torque_limit_Nm"] < most_Nm < 1.5 * rated_Nm
+
+
+def test_a_set_up_from_a_plate_steps_so_that_the_estimated_leakage_cannot_swing():
+    """With the pull-out torque the leakage is the plate's, else an estimate. The loop of the torque
+    under db-dtfc, one period to the next: what was asked for acts k times as strongly if the
+    leakage is k times too large, and shows a period later. A step from one torque to its opposite
+    overshoots by 30 % at most: with half steps it would by 74 %."""
+    circuit = estimate(PLATES[1])
+    most = circuit.lls_H / ranges(PLATES[1], circuit)["lls_H"][0]
+    setup = setups.parse(new.from_nameplate(PLATE, "x"), "x")
+    share = setups.parameters(setup)["step_share"]
+
+    def left(k: float, share: float) -> float:
+        return abs(np.linalg.eigvals(np.array([[1, k], [-share, -share]]))).max()
+
+    assert left(most, share) < 0.9 < 1 < left(most, 1.0)
+    torque, moved = -1.0, 0.0
+    reached = []
+    for _ in range(20):
+        torque, moved = torque + most * moved, share * (1 - torque - moved)
+        reached.append(torque)
+    assert max(reached) < 1 + 0.3 * 2
+    assert reached[9] == pytest.approx(1, abs=0.1)
+    known = setups.parse(new.from_nameplate(PLATE + ",pull_out=2.9", "x"), "x")
+    assert setups.parameters(known)["step_share"] == 1.0

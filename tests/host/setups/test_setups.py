@@ -1,15 +1,17 @@
 """Set-ups and scenarios: what is refused, and with which message."""
 
+import math
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.setups import Profile, SetupError, schema
+from hexatorque.setups import Profile, SetupError, new, schema
 from hexatorque.setups.keys import needed
 
 BASE = 'setup = "paper-b"\n'
@@ -216,6 +218,28 @@ def test_the_x_y_inductance_follows_the_stator_leakage_unless_it_is_given():
     both = setups.parse(BASE + "[machine]\nlls_H = 5e-3\nlxy_H = 4e-3\n", "test")
     assert both["machine.lxy_H"] == 4e-3
     assert both.changed(machine__lls_H=6e-3)["machine.lxy_H"] == 4e-3
+
+
+def test_an_x_y_inductance_that_nobody_measured_is_half_way_between_what_machines_have():
+    """0.3 to 1 times the leakage. The x-y current of a law that predicts becomes unstable where the
+    law takes L_xy for 3.5 times what it is: it takes away 40 % of the current in a period, and
+    knows what the period before did with the wrong L_xy. With the leakage itself for L_xy, and 30 %
+    wrong, it may be 4.3 times."""
+    own = setups.parse(BASE + 'defaults = "derived"\n[machine]\nlls_H = 5e-3\n', "test")
+    assert own["machine.lxy_H"] == pytest.approx(math.sqrt(0.3 * 1.0) * 5e-3, rel=0.01)
+    assert setups.parameters(own)["lxy_H"] == pytest.approx(own["machine.lxy_H"])
+    text = new.from_circuit(
+        "pole_pairs=2,rs_ohm=1.1,rr_ohm=0.9,lls_H=7e-3,llr_H=7e-3,lm_H=0.21,current_A=5.9,vdc_V=600",
+        "test",
+    )
+    believed_H = setups.parse(text, "test")["machine.lxy_H"]
+
+    def left(true_H: float) -> float:
+        """Largest eigenvalue of current and voltage, one period to the next."""
+        told = np.array([[1, 1], [-0.4 * believed_H / true_H, -0.4]])
+        return abs(np.linalg.eigvals(told)).max()
+
+    assert left(0.3 * 7e-3 / 1.3) < 1 < left(believed_H / 3.6)
 
 
 def test_drops_that_would_stop_time_are_refused():

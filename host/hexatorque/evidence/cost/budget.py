@@ -181,9 +181,8 @@ fails if a limit is exceeded.
 ## Instructions
 Cortex-M4F, {compiler}, {options}. The run is one second of `{setup}`, from the start over the flux
 build-up to the rated load. It is replayed on QEMU's mps2-an386, whose clock under `-icount` counts
-instructions exactly. *Interrupt* is the whole fast interrupt: registers, protection, control,
-registers. The drivers access registers by one load or store each, as on the DSP. *Step* is
-`ht_control_step` in it. Means are taken while the drive runs, maxima from the start on.
+instructions exactly. *Interrupt* is the whole fast interrupt, *step* is `ht_control_step` in it.
+Means are taken while the drive runs, maxima from the start on.
 
 {instructions}
 
@@ -197,11 +196,8 @@ The fast interrupt calls no library function{calls}; square roots are the proces
 **{low:.0f} to {high:.0f} us of the period of 100 us for `ddr`. This is an estimate; nothing has run
 on that processor.** The build lets TI's compiler work file by file (`--opt_level=2`). Compiled in
 this way at -O2, the Cortex-M4F takes {by_file} instructions. The {others} of them that are not
-branches count 1 to 1.5 cycles each. (Both processors have loads, stores, additions and
-multiplications in single precision at one a cycle. The C28x has 8 floating-point registers instead
-of 32, and results of its FPU come one cycle later, but some of its instructions do two operations.)
-The {branches} branches, calls and returns count 4 to 7 cycles each, the depth of its pipeline. The
-memory is assumed to have no wait states.
+branches count 1 to 1.5 cycles each. The {branches} branches, calls and returns count 4 to 7 cycles
+each, the depth of the C28x's pipeline. The memory is assumed to have no wait states.
 
 ## Stack
 Bytes, Cortex-M4F, from `-fstack-usage` along the deepest path of the call graph (disassembly; no

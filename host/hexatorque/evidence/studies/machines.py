@@ -34,7 +34,7 @@ from ...experiments.operating_points import NOT_MEASURED, Progress
 from ...parallel import in_order
 from ...setups import Setup, SetupError, estimate, new, published
 from ...setups.design import REACH_PU, USABLE, Design
-from ...setups.keys import TIMING_OWNS
+from ...setups.keys import LXY_LEAST, TIMING_OWNS
 from ...setups.nameplate import FRICTION, IRON, Circuit, Nameplate, pull_out_ratio
 from ...setups.review import best, ready_of, review
 from .commissioning import disturbed
@@ -68,6 +68,9 @@ LOAD_INERTIA = (0.2, 5.0)
 KNEE, EXPONENT = (1.05, 1.3), (4.0, 8.0)
 #: Stated is 2 us.
 DEAD_TIME_US = (1.5, 2.5)
+#: On a lower dc link the devices are MOSFETs, whose channels carry the current in both directions:
+#: without a threshold voltage.
+LEAST_IGBT_V = 100.0
 #: Of the dc-link sensor, either side.
 VDC_GAIN = 0.01
 #: How far a circuit that is told is off, either side.
@@ -179,7 +182,7 @@ def truth(number: int) -> Truth:
         "lm_H": circuit.lm_H * (1 + knee**-exponent),
         "psi_knee_Wb": knee * main_Wb,
         "saturation_exponent": exponent,
-        "lxy_H": draw.uniform(0.3, 1.0) * circuit.lls_H,
+        "lxy_H": draw.uniform(LXY_LEAST, 1.0) * circuit.lls_H,
         "inertia_kgm2": rotor_kgm2 * (1 + _logarithmic(draw, LOAD_INERTIA)),
     }
     stamped = replace(
@@ -263,7 +266,14 @@ def drive(true: Truth, believed: Setup, number: int) -> Setup:
     known = {f"controller__{n}": v for n, v in values.items() if n not in TIMING_OWNS}
     draw = random.Random(number)
     machine = {f"machine__{name}": value for name, value in true.machine.items()}
-    return disturbed(believed.changed(**machine, **known), number).changed(
+    setup = disturbed(believed.changed(**machine, **known), number)
+    if setup["inverter.vdc_V"] < LEAST_IGBT_V:
+        setup = setup.changed(
+            inverter__v_switch_V=0.0,
+            inverter__v_diode_V=0.0,
+            inverter__r_diode_ohm=setup["inverter.r_switch_ohm"],
+        )
+    return setup.changed(
         **known,
         inverter__dead_time_us=draw.uniform(*DEAD_TIME_US),
         sensors__vdc_full_V=float(values["vdc_full_V"]) * draw.uniform(1 - VDC_GAIN, 1 + VDC_GAIN),

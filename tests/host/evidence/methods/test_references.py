@@ -143,25 +143,30 @@ def test_torque_ripple_by_sampling_frequency():
 
 def test_the_page_shows_every_method_and_every_sentence(figure, tool, tmp_path, monkeypatch):
     monkeypatch.setattr(tool, "PAGE", tmp_path / "page.md")
-    monkeypatch.setattr(tool, "ON_PAGE", ("paper A, 900 r/min", "paper B, 2500 r/min", "m"))
     metrics = json.loads(json.dumps(figure.metrics))
     budget = json.loads((ROOT / "docs/budget.json").read_text())
     text = tool.sentences(metrics)
     assert (
         len(re.findall(r"^\d\. ", text, re.MULTILINE)) == 5 and "of the 5 sentences change" in text
     )
-    for part in (tool.sampling(metrics), tool.costs(budget)):
-        assert all(f"| `{name}` |" in part for name in BY_NAME)
+
+    def kept(name):
+        with (tmp_path / "data" / f"{name}.csv").open() as file:
+            return list(csv.reader(file))[1:]
+
+    tool.sampling(metrics), tool.costs(budget)
+    for part in ("sampling", "costs"):
+        assert [row[0] for row in kept(part)] == list(BY_NAME)
     points = [at["point"] for at in (metrics.get("rivals") or metrics["equal"])["points"]]
     for name, of in (("fronts", points), ("steps", metrics["equal"]["steps"])):
         assert f"[{name}.csv](data/{name}.csv)" in getattr(tool, name)(metrics)
-        with (tmp_path / "data" / f"{name}.csv").open() as file:
-            rows = [tuple(row[:2]) for row in csv.reader(file)][1:]
+        rows = [tuple(row[:2]) for row in kept(name)]
         assert len(rows) == len(set(rows)) == len(of) * len(BY_NAME)
         assert {method for _, method in rows} == set(BY_NAME)
     # The stand-in for a measurement gives every method the same figures at the same sampling.
-    assert "`fcs-mpc` over `vv-mpc`: Td " in tool.published(metrics)
-    assert f"{budget['mps2-an386']['ddr']['mean']:.0f}" in tool.costs(budget)
+    assert "](data/published.csv)" in tool.published(metrics)
+    assert "`fcs-mpc` over `vv-mpc`: Td " in kept("published")[0][2]
+    assert f"{budget['mps2-an386']['ddr']['mean']:.0f}" in {row[1] for row in kept("costs")}
     row = {"td_Nm": 0.5, "thd_inf_pct": 4.0}
     metrics["equal"] = {
         "chosen": {"m": {name: row for name in BY_NAME}},
@@ -170,9 +175,10 @@ def test_the_page_shows_every_method_and_every_sentence(figure, tool, tmp_path, 
     del metrics["rivals"]
     refused = {"lost": "refused", "refused": "a reason"}
     metrics["equal"]["errors"]["m"]["foc-24"] = {"c": refused}
-    text = tool.errors(metrics)
-    assert "| `foc` | 0.5 · 4 | lost |" in text and "| `ddr` | 0.5 · 4 | 0.5 · 4 |" in text
-    assert "| `foc-24` | 0.5 · 4 | refused |" in text
+    tool.errors(metrics)
+    rows = {row[1]: row[2:] for row in kept("errors")}
+    assert rows["foc"] == ["0.5 · 4", "lost"] and rows["ddr"] == ["0.5 · 4", "0.5 · 4"]
+    assert rows["foc-24"] == ["0.5 · 4", "refused"]
 
 
 def test_the_documentation_shows_the_sentences_and_every_method(tool):
@@ -184,4 +190,7 @@ def test_the_documentation_shows_the_sentences_and_every_method(tool):
         if part == "sentences":
             assert len(re.findall(r"^\d\. ", own, re.MULTILINE)) == len(judging.QUESTIONS)
         elif part != "published":
-            assert all(f"| `{name}` |" in own for name in BY_NAME), part
+            assert f"](data/{part}.csv)" in own
+            with (ROOT / "docs/data" / f"{part}.csv").open() as file:
+                methods_told = {row.get("method") for row in csv.DictReader(file)}
+            assert methods_told == set(BY_NAME), part

@@ -2,7 +2,6 @@
 
 import csv
 import importlib.util
-import re
 import sys
 from pathlib import Path
 
@@ -35,19 +34,7 @@ def test_the_documentation_holds_every_figure_and_a_reason_for_every_disagreemen
     assert {row["verdict"] for row in rows} <= set(VERDICTS)
     apart = [row for row in rows if row["verdict"] in ("worse", "differs")]
     assert all(len(row["why"]) > 12 and "not explained" not in row["why"] for row in apart)
-    # A reason that differs in its numbers alone is told once, with the number of rows like it.
-    shown = re.findall(
-        r"^\| \*\*(\S+)\*\* \| (.*) \| (.*) \| (.*) \| (\d*) \| (.{12,}) \|$", text, re.M
-    )
-    explained = {(figure, without_numbers(why)) for figure, *_, why in shown}
-    assert explained == {(row["figure"], without_numbers(row["why"])) for row in apart}
-    assert sum(1 + int(more or 0) for *_, more, _ in shown) == len(apart)
-    cells = {(row["figure"], row["what"], row["ours"], row["paper"]) for row in apart}
-    assert {(f, what, ours, paper) for f, what, ours, paper, _, _ in shown} <= cells
-
-
-def without_numbers(text):
-    return re.sub(r"[\d.,±]+", "", text)
+    assert "](data/verdicts.csv)" in text and "](data/verdicts-equal-f-sw.csv)" in text
 
 
 VERDICT = {"what": "a|b", "ours": 1.0, "paper": 2.0, "unit": "A", "verdict": "worse", "why": "x"}
@@ -55,18 +42,15 @@ VERDICT = {"what": "a|b", "ours": 1.0, "paper": 2.0, "unit": "A", "verdict": "wo
 
 def test_renewing_replaces_only_the_generated_part(tmp_path):
     text = f"before\n{pages.BEGIN.format('verdicts')}old\n{pages.END.format('verdicts')}after\n"
-    alike = VERDICT | {"what": "c", "why": "x 2"}
-    verdicts = [VERDICT | {"why": "x 1"}, VERDICT | {"verdict": "match"}, alike]
+    verdicts = [VERDICT | {"why": "x 1"}, VERDICT | {"verdict": "match"}]
     figures = {"A1": {"title": "T", "verdicts": verdicts}}
     new = pages.renew(text, "verdicts", tool.table(figures, tmp_path / "page.md", "every"))
     assert new.startswith("before\n") and new.endswith("after\n") and "old" not in new
-    assert new.count("a\\|b") == 1
-    assert "| **A1** | a\\|b | 1.000 A | 2.000 A | 1 | x 1 |" in new
+    assert "1 worse" in new and "](data/every.csv)" in new
     assert pages.renew(new, "verdicts", "old\n") == text
     kept = (tmp_path / "data/every.csv").read_text().splitlines()
     assert kept[1:] == [
-        "A1,T,a|b,1.000 A,2.000 A,worse,x 1", "A1,T,a|b,1.000 A,2.000 A,match,x",
-        "A1,T,c,1.000 A,2.000 A,worse,x 2",
+        "A1,T,a|b,1.000 A,2.000 A,worse,x 1", "A1,T,a|b,1.000 A,2.000 A,match,x"
     ]  # fmt: skip
 
 
@@ -83,7 +67,10 @@ def test_missing_settings_are_empty_and_ratios_are_those_of_the_figure(tmp_path)
     }
     points = [at, {**at, "point": tool.OWN_POINTS[1]}]
     text = tool.at_equal_f_sw({"points": points}, tmp_path / "page.md")
-    assert "| fdr | – | 0.5 | – | 0.5 |" in text
+    assert "](data/equal-f-sw-schemes.csv)" in text
+    schemes = (tmp_path / "data/equal-f-sw-schemes.csv").read_text().splitlines()
+    assert schemes[1] == f"{tool.OWN_POINTS[0]},fdr,–,0.5,–,0.5"
+    assert schemes[2] == f'{tool.OWN_POINTS[0]},"carrier, computed",–,–,–,–'
     kept = (tmp_path / "data/equal-f-sw.csv").read_text().splitlines()
     assert kept[1].endswith(",0.5,fdr,0.5,1.20,,,,,")
     assert kept[3].endswith(",0.5,fdr,0.5,0.40,,,,,")

@@ -7,7 +7,8 @@ import pytest
 
 from hexatorque import firmware, setups
 from hexatorque.evidence.studies import machines, plates
-from hexatorque.setups import published
+from hexatorque.plant.machines.induction_parameters import Parameters
+from hexatorque.setups import new, published
 from hexatorque.setups.nameplate import circuit_of
 
 
@@ -75,6 +76,35 @@ def test_the_drive_knows_what_was_told_and_not_the_machine(way):
         for name in ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H"):
             off = of.setup[f"machine.{name}"] / getattr(true.circuit, name) - 1
             assert 0.0999 <= abs(off) <= 0.3001
+
+
+def test_what_is_asked_is_within_what_the_true_machine_carries():
+    """Rated torque at rated speed, at the flux of the plate: within 80 % of the pull-out torque
+    that nine tenths of the voltage leave, by the circle diagram, and within the sensors' range.
+    So what is not driven is the drive's failure. It holds with a margin that covers the devices'
+    drops, 7 % of the voltage at most."""
+    for number in range(machines.DRAWN + len(published.machines())):
+        true = machines.truth(number)
+        plate, circuit = true.plate, true.circuit
+        linear = Parameters(**true.machine).linear_at(circuit.flux_Wb)
+        vdc_V = new.suggestion("vdc_V", {"voltage_V": plate.voltage_V})
+        omega = 2 * math.pi * plate.frequency_Hz
+        volts = 0.9 * vdc_V / math.sqrt(3) - linear.rs_ohm * math.sqrt(2) * plate.current_A
+        flux_Wb = min(circuit.flux_Wb, 0.93 * volts / omega)
+        assert 0.8 * linear.pull_out_Nm(flux_Wb) > circuit.torque_Nm, true.name
+        trip_A = 0.85 * new.suggestion("i_full_A", {"current_A": plate.current_A})
+        assert linear.current_A(circuit.torque_Nm, circuit.flux_Wb) < 0.8 * trip_A, true.name
+
+
+@pytest.mark.parametrize(("number", "threshold"), [(99, False), (3, True)])
+def test_a_low_dc_link_has_devices_without_threshold(number, threshold):
+    true = machines.truth(number)
+    setup = machines.drive(true, machines.told(true, "plate").setup, number)
+    assert (setup["inverter.vdc_V"] > 100) == threshold
+    assert (setup["inverter.v_switch_V"] > 0.7) == threshold
+    assert (setup["inverter.v_diode_V"] > 0.6) == threshold
+    same = setup["inverter.r_switch_ohm"] == setup["inverter.r_diode_ohm"]
+    assert same != threshold and setup["inverter.r_switch_ohm"] > 0
 
 
 def row(way, ready, reason):
