@@ -205,7 +205,7 @@ MOST_RESISTANCE = 0.5
 
 def _believable(d: Design) -> Iterator[Finding]:
     """Numbers that no machine has."""
-    p, m = d.parameter, d.unsaturated
+    m = d.unsaturated
     for side, leakage_H in (("lls_H", m.lls_H), ("llr_H", m.llr_H)):
         yield at_least(
             f"lm_H over {side}", m.lm_H / leakage_H, LEAST_MAIN, "",
@@ -219,10 +219,17 @@ def _believable(d: Design) -> Iterator[Finding]:
         )  # fmt: skip
     if all(m.lm_H >= LEAST_MAIN * leakage_H for leakage_H in (m.lls_H, m.llr_H)):
         yield from _usual(d)
-    yield at_most(
-        "controller.pole_pairs unlike the machine's", abs(p("pole_pairs") - m.pole_pairs), 0, "",
-        "remove controller.pole_pairs",
-    )  # fmt: skip
+    yield from _as_built(d)
+
+
+def _as_built(d: Design) -> Iterator[Finding]:
+    """What no tuning changes: the drive must believe what the machine has."""
+    for name in ("pole_pairs", "displacement_deg"):
+        believed, true = float(d.parameter(name)), getattr(d.unsaturated, name)
+        yield at_most(
+            f"controller.{name} unlike the machine's", abs(believed - true), 0, "",
+            f"remove controller.{name}",
+        )  # fmt: skip
 
 
 #: How much further from the published machines' line than the furthest of them an element is a
@@ -433,10 +440,7 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
         MOST_RESISTANCE, "",
         "no machine has so much: check machine.rs_ohm, rated.current_A and inverter.vdc_V",
     )  # fmt: skip
-    yield at_most(
-        "controller.pole_pairs unlike the machine's", abs(p("pole_pairs") - m.pole_pairs), 0, "",
-        "remove controller.pole_pairs",
-    )  # fmt: skip
+    yield from _as_built(d)
     yield at_most(
         "L_d over L_q", m.ld_H / m.lq_H, 1.0, "",
         "the d axis is the magnets' north pole: are machine.ld_H and machine.lq_H exchanged?",
