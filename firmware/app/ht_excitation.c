@@ -2,7 +2,7 @@
 
 #include "ht_faults.h"
 #include "ht_limited.h"
-#include "ht_winding.h"
+#include "ht_tables.h"
 
 #include <math.h>
 
@@ -142,10 +142,10 @@ void ht_excitation_step(const ht_excitation_config *c, ht_excitation_state *st, 
     out->start = 0u;
     for (leg = 0; leg < HT_LEGS; leg++) {
         /* The inverse of the transform is three times its transpose. */
-        ht_vsd column = ht_of_winding(c->winding, ht_transform[leg]);
+        const ht_vsd *column = &ht_transform[c->winding][leg];
         float leg_pu = 3.0f * per_V
-                       * (column.ab.alpha * v.ab.alpha + column.ab.beta * v.ab.beta
-                          + column.xy.x * v.xy.x + column.xy.y * v.xy.y);
+                       * (column->ab.alpha * v.ab.alpha + column->ab.beta * v.ab.beta
+                          + column->xy.x * v.xy.x + column->xy.y * v.xy.y);
         float length; /* of the pulse */
         uint16_t whole;
         length = full * (0.5f + ht_limited(leg_pu, most)) + st->rest[leg];

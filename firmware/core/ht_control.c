@@ -185,7 +185,8 @@ static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_cont
     ht_voltage_law_input seen;
     ht_modulator_input given;
     ht_vsd v;
-    ht_vsd legs;
+    ht_vsd legs; /* of another winding than 30 degrees */
+    ht_vsd *told = &v;
     seen.psi_Wb = st->decided.psi_Wb;
     seen.psi_xy_Wb = st->psi_xy_Wb;
     seen.i_A = i;
@@ -213,11 +214,14 @@ static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_cont
     given.i_A = &in->i_A;
     given.before = st->active.s[2];
     given.period = &cfg->period;
-    legs = (winding == HT_WINDING_30) ? v : ht_modulator_legs(winding, &v);
-    ht_modulator_step(&cfg->modulator, &st->modulator, &legs, &given, out, &st->next,
+    if (winding != HT_WINDING_30) {
+        legs = ht_modulator_legs(winding, &v);
+        told = &legs;
+    }
+    ht_modulator_step(&cfg->modulator, &st->modulator, told, &given, out, &st->next,
                       &st->toggles[number - 1u]);
     st->next.own = number;
-    st->v_xy_pu = (winding == HT_WINDING_30) ? legs.xy : v.xy;
+    st->v_xy_pu = v.xy;
 }
 
 void ht_control_select(ht_control_config *cfg, ht_scheme scheme)

@@ -1,7 +1,7 @@
 #include "ht_lost_legs.h"
 
 #include "ht_limited.h"
-#include "ht_winding.h"
+#include "ht_tables.h"
 
 #include <math.h>
 
@@ -33,14 +33,14 @@ static float along_xy(ht_xy b, ht_xy v)
  * where the other set's leg, 90 degrees away, takes it to minus b. */
 static void axes_of(unsigned leg, bool set, ht_lost_legs *lost)
 {
-    ht_vsd column = ht_of_winding(lost->winding, ht_transform[leg]);
+    const ht_vsd *column = &ht_transform[lost->winding][leg];
     ht_lost_axis *first = &lost->axis[0];
     ht_lost_axis *second = &lost->axis[1];
     float sign = set ? -1.0f : 1.0f;
-    first->a.alpha = 3.0f * column.ab.alpha;
-    first->a.beta = 3.0f * column.ab.beta;
-    first->b.x = 3.0f * column.xy.x;
-    first->b.y = 3.0f * column.xy.y;
+    first->a.alpha = 3.0f * column->ab.alpha;
+    first->a.beta = 3.0f * column->ab.beta;
+    first->b.x = 3.0f * column->xy.x;
+    first->b.y = 3.0f * column->xy.y;
     second->a.alpha = -first->a.beta;
     second->a.beta = first->a.alpha;
     second->b.x = -sign * first->b.y;

@@ -20,8 +20,9 @@ void ht_modulator_centre(ht_modulator_config *cfg, bool turned)
 void ht_modulator_wind(ht_modulator_config *cfg, ht_winding winding)
 {
     cfg->winding = winding;
+    cfg->opposite_from = (winding == HT_WINDING_60) ? -HT_NEVER_PU : 0.0f;
     if (winding != HT_WINDING_30) {
-        cfg->turn_pu = HT_NEVER_PU;
+        cfg->turn_pu = (winding == HT_WINDING_60) ? 0.0f : HT_NEVER_PU;
         cfg->alternate = false;
         cfg->kappa_from_pu *= COS_15; /* what ht_modulator_legs leaves of alpha-beta */
     }
@@ -355,8 +356,8 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
         fit(v_pu, HT_WINDING_30);
         set = sets_of(v_pu);
     }
-    st->opposite = (size2 > turn2) && (v3.alpha * v3.beta > 0.0f);
-    other = (falling != st->opposite) != (cfg->winding == HT_WINDING_60);
+    st->opposite = (size2 > turn2) && (v3.alpha * v3.beta > cfg->opposite_from);
+    other = falling != st->opposite;
     st->falling = !falling;
 
     t = timing_of(in);

@@ -36,6 +36,9 @@ typedef struct {
     float turn_pu;       /**< set 2's carrier turns where the voltage exceeds this; units of Vdc */
     bool alternate; /**< clamped legs alternate between the rails by 15 degrees of the voltage */
     ht_winding winding;
+    /** Set 2's carrier turns where alpha times beta of the voltage's cube exceeds this: 0, in every
+     *  second 30 degrees; -HT_NEVER_PU, everywhere. */
+    float opposite_from;
 } ht_modulator_config;
 
 typedef struct {
@@ -51,8 +54,8 @@ typedef struct {
     uint16_t before;         /**< state word at the end of the period before */
 } ht_modulator_input;
 
-/** What keeps both sets alike in a winding whose sets are 0 or 60 degrees apart: no turn, and the
- *  same clamped leg. Another winding changes nothing. */
+/** What keeps both sets alike in a winding whose sets are 0 or 60 degrees apart: set 2's carrier never
+ *  or always turned, and the same clamped leg. 30 degrees: as configured before. */
 void ht_modulator_wind(ht_modulator_config *cfg, ht_winding winding);
 
 /** Centred zero sequences; set 2's carrier turns in every second sector, or never. */

@@ -2,9 +2,9 @@
  *  Constant tables of the six-phase two-level inverter, generated from the winding geometry by
  *  firmware/tools/generate_tables.py. Voltages are normalised by Vdc.
  *
- *  Columns and vectors are those of sets that are 30 degrees apart, where directions k = 0..11
- *  point at 15 + 30 k degrees in alpha-beta (paper A, Fig. 1 and Table I; paper B, Fig. 2). For
- *  other windings ht_of_winding turns set 2. The large vectors of these are the six with
+ *  Vectors are those of sets that are 30 degrees apart, where directions k = 0..11 point at
+ *  15 + 30 k degrees in alpha-beta (paper A, Fig. 1 and Table I; paper B, Fig. 2). For other
+ *  windings ht_of_winding turns set 2. The large vectors of these are the six with
  *  which both sets make the same voltage; nothing of it is in x-y.
  */
 #ifndef HT_TABLES_H
@@ -36,8 +36,8 @@ typedef struct {
     float t2_y;
 } ht_duty_row;
 
-/** Column of the transform per leg: contribution of 1 pu on that leg. */
-extern const ht_vsd ht_transform[HT_LEGS];
+/** Column of the transform by winding and leg: contribution of 1 pu on that leg. */
+extern const ht_vsd ht_transform[HT_WINDINGS][HT_LEGS];
 /** All 64 voltage vectors by state word. */
 extern const ht_vsd ht_vector[64];
 /** State word by group and direction. */

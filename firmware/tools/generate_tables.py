@@ -20,14 +20,16 @@ DISPLACEMENTS_DEG = (30, 0, 60)  # of set 2, in the order of ht_winding
 OUTPUT = Path(__file__).resolve().parent.parent / "core" / "ht_tables.c"
 
 
-def transform_columns() -> list[tuple[float, float, float, float]]:
-    """Columns of T (4 x 6), one per phase: (alpha, beta, x, y)."""
+def transform_columns(displacement_deg: int = 30) -> list[tuple[float, float, float, float]]:
+    """Columns of T (4 x 6), one per phase: (alpha, beta, x, y). x - j y is half the difference of
+    the sets' vectors, so a phase of set 2 has -alpha, beta there; with 30 degrees these are cosine
+    and sine of five times its angle."""
     columns = []
-    for deg in PHASES_DEG:
-        th = math.radians(deg)
-        columns.append(
-            tuple(f / 3 for f in (math.cos(th), math.sin(th), math.cos(5 * th), math.sin(5 * th)))
-        )
+    for leg, deg in enumerate(PHASES_DEG):
+        set2 = leg % 2
+        th = math.radians(deg + set2 * (displacement_deg - PHASES_DEG[1]))
+        alpha, beta = math.cos(th) / 3, math.sin(th) / 3
+        columns.append((alpha, beta, -alpha if set2 else alpha, beta if set2 else -beta))
     return columns
 
 
@@ -134,11 +136,13 @@ def render() -> str:
         " * Do not edit: change the generator and run it again. */",
         '#include "ht_tables.h"',
         "",
-        "const ht_vsd ht_transform[HT_LEGS] = {",
+        "const ht_vsd ht_transform[HT_WINDINGS][HT_LEGS] = {",
     ]
     vsd = "    {{{{{0}, {1}}}, {{{2}, {3}}}}},{4}"
-    for deg, column in zip(PHASES_DEG, transform_columns()):
-        out.append(vsd.format(*(num(c) for c in column), f" /* {deg} deg */"))
+    for displacement in DISPLACEMENTS_DEG:
+        out.append(f"    {{ /* {displacement} deg */")
+        out += ["    " + vsd.format(*map(num, c), "") for c in transform_columns(displacement)]
+        out.append("    },")
     out += ["};", "", "const ht_vsd ht_vector[64] = {"]
     for word in range(64):
         out.append(vsd.format(*(num(c) for c in vector(word)), f" /* {word:2d} {word:06b} */"))

@@ -45,6 +45,13 @@ def test_every_state_has_the_vector_of_its_winding(winding):
 
 
 @pytest.mark.parametrize("winding", DISPLACEMENT_DEG)
+def test_every_leg_has_the_column_of_its_winding(winding):
+    for leg, one in enumerate(np.eye(6)):
+        want = planes(winding, one)
+        assert complex_of(lib.ht_transform[winding][leg]) == pytest.approx(want, abs=3e-8)
+
+
+@pytest.mark.parametrize("winding", DISPLACEMENT_DEG)
 def test_currents_of_any_size(winding):
     for six in np.random.default_rng(1).normal(0, 20, (50, 6)):
         got = lib.ht_vsd_turned(winding, lib.ht_vsd_from_six([{"p": six.tolist()}]))
