@@ -4,7 +4,7 @@
 #ifndef HT_PARAMS_H
 #define HT_PARAMS_H
 
-#include "ht_tables.h"
+#include "ht_types.h"
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -21,7 +21,6 @@
 #define HT_OBSERVER_H
 
 #include "ht_magnet.h"
-#include "ht_tables.h"
 
 typedef enum {
     HT_OBSERVER_VOLTAGE = 0,

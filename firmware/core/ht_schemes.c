@@ -1,5 +1,7 @@
 #include "ht_schemes.h"
 
+#include "ht_tables.h"
+
 #include <stddef.h>
 
 /* Parts of the vectors in x-y, units of Vdc. What is longest in alpha-beta is shortest here. */

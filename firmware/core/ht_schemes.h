@@ -4,7 +4,7 @@
 #ifndef HT_SCHEMES_H
 #define HT_SCHEMES_H
 
-#include "ht_tables.h"
+#include "ht_types.h"
 
 /** HT_<id> of every row, in table order; HT_SCHEMES is their number. */
 typedef enum {

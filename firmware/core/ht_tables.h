@@ -20,11 +20,6 @@
  *  k = 2 n + 1. */
 enum { HT_L = 0, HT_ML = 1, HT_S = 2, HT_L0 = 3, HT_L60 = 4 };
 
-/** What set 2 lies ahead of set 1 by: values of the parameter `displacement_deg`. */
-typedef enum { HT_WINDING_30 = 0, HT_WINDING_0 = 1, HT_WINDING_60 = 2 } ht_winding;
-
-#define HT_WINDINGS 3u
-
 /** One virtual vector's duty solver, eq. (13) of paper A expanded:
  *  t1 = t1_0 + t1_x vx + t1_y vy, t2 likewise, t3 = 1 - t1 - t2 (eq. 9). */
 typedef struct {

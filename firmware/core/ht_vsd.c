@@ -1,5 +1,6 @@
 #include "ht_vsd.h"
 
+#include "ht_tables.h"
 #include "ht_turned.h"
 
 #define THIRD 0.333333333f

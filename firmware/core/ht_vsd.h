@@ -4,7 +4,7 @@
 #ifndef HT_VSD_H
 #define HT_VSD_H
 
-#include "ht_tables.h"
+#include "ht_types.h"
 
 /** VSD transform of six phase quantities, with sets that are 30 degrees apart. */
 ht_vsd ht_vsd_from_six(const ht_six *s);

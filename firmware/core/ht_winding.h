@@ -4,6 +4,7 @@
 #ifndef HT_WINDING_H
 #define HT_WINDING_H
 
+#include "ht_tables.h"
 #include "ht_vsd.h"
 
 /** `v` as the tables and ht_vsd_from_six have it, in the winding's own alpha-beta and x-y. */
