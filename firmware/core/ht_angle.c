@@ -20,9 +20,9 @@ static float cosine(float x)
 
 ht_ab ht_unit(float turns)
 {
-    float quarters = 4.0f * ht_between(turns, 0.0f, 1.0f) + 0.5f;
-    uint16_t whole = (uint16_t)quarters;
-    float x = HALF_PI * ((quarters - (float)whole) - 0.5f);
+    float quarters = 4.0f * ht_between(turns, 0.0f, 1.0f);
+    uint16_t whole = (uint16_t)(quarters + 0.5f);
+    float x = HALF_PI * (quarters - (float)whole); /* the difference is exact */
     float c = cosine(x);
     float s = sine(x);
     ht_ab u;

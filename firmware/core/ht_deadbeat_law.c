@@ -7,7 +7,7 @@
 
 /* What torque gets at least, of the largest step, squared. */
 #define TORQUE_SHARE2 0.25f
-/* Largest step of the flux, units of Vdc Ts. The inverter reaches 0.64; a command beyond it makes
+/* Largest step of the flux with much L_xy, units of Vdc Ts. The inverter reaches 0.64; a command beyond it makes
  * the modulator limit legs, up to twelve-step operation. */
 #define REACH_PU 1.0f
 /* Legs that the modulator limits make an x-y voltage of their own. While a torque step lasts, it has
@@ -16,6 +16,11 @@
  * and 0.07 V_dc are left that bring the current back. */
 #define XY_FREE_SHARE 0.2f
 #define XY_REACH_PU 0.5f
+/* Largest x-y voltage of limited legs, units of Vdc: that of twelve-step operation. It acts for two
+ * periods before the law sees its current. Where they make more than that share of i_trip_A, no
+ * command is beyond the room of both sets. */
+#define XY_LIMITED_PU 0.173f
+#define XY_ROOM_PU 0.577f
 /* Voltage from which set 2's carrier turns, units of Vdc. */
 #define TURN_PU 0.3f
 
@@ -24,10 +29,14 @@ void ht_deadbeat_law_configure(ht_deadbeat_law_config *cfg, const ht_law_setting
 {
     bool clamped = (given->kappa > 0.0f) && (given->kappa_from_pu == 0.0f);
     float turn_pu[3] = {TURN_PU, HT_NEVER_PU, 0.0f}; /* auto, off, always */
+    float free_A = XY_FREE_SHARE * given->i_trip_A;
+    float unseen_A = 2.0f * XY_LIMITED_PU * given->vdc_max_V * given->machine->ts_s
+                     / given->machine->lxy_H;
     turn_pu[0] = clamped ? 0.0f : TURN_PU;
     cfg->gain = given->step_share;
     cfg->xy_ki_per_A = ht_voltage_law_xy_ki_per_A(given);
-    cfg->xy_free_A2 = XY_FREE_SHARE * XY_FREE_SHARE * given->i_trip_A * given->i_trip_A;
+    cfg->xy_free_A2 = free_A * free_A;
+    cfg->reach_pu = (unseen_A <= free_A) ? REACH_PU : XY_ROOM_PU;
     modulator->kappa = given->kappa;
     modulator->kappa_from_pu = given->kappa_from_pu;
     modulator->alternate = given->clamp != 0.0f;
@@ -37,7 +46,8 @@ void ht_deadbeat_law_configure(ht_deadbeat_law_config *cfg, const ht_law_setting
 bool ht_deadbeat_law_check(const ht_deadbeat_law_config *cfg)
 {
     return (cfg->gain > 0.0f) && (cfg->gain <= 1.0f) && (cfg->xy_ki_per_A >= 0.0f)
-           && (cfg->xy_ki_per_A < 1.0e30f) && (cfg->xy_free_A2 > 0.0f); /* NaN is not */
+           && (cfg->xy_ki_per_A < 1.0e30f) && (cfg->xy_free_A2 > 0.0f)
+           && (cfg->reach_pu >= XY_REACH_PU) && (cfg->reach_pu <= REACH_PU); /* NaN is not */
 }
 
 void ht_deadbeat_law_reset(ht_deadbeat_law_state *st)
@@ -121,7 +131,7 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     if (!(e2 <= (most * most))) {
         ht_xy i = in->i_A.xy;
         if ((i.x * i.x + i.y * i.y) <= cfg->xy_free_A2) { /* NaN is not */
-            most = REACH_PU * step;
+            most = cfg->reach_pu * step;
         }
         if (!(e2 <= (most * most))) {
             e = within_reach(e, along, inv_size, radial, most);

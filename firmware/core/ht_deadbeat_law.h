@@ -23,6 +23,8 @@ typedef struct {
     float xy_ki_per_A; /**< x-y integrators, units of Vdc per ampere and period */
     float
         xy_free_A2; /**< beyond this x-y current, squared, a step leaves x-y its voltage; above 0 */
+    float
+        reach_pu; /**< largest step of the flux with less x-y current, units of Vdc Ts; 0.5 .. 1 */
 } ht_deadbeat_law_config;
 
 typedef struct {

@@ -13,6 +13,7 @@ void prove_deadbeat_law(void)
     cfg.gain = nondet_float();
     cfg.xy_ki_per_A = nondet_float();
     cfg.xy_free_A2 = nondet_float();
+    cfg.reach_pu = nondet_float();
     GIVEN(ht_deadbeat_law_check(&cfg));
     st.xy.with = any_xy();
     st.xy.against = any_xy();
@@ -27,8 +28,10 @@ void prove_deadbeat_check(void)
     cfg.gain = nondet_float();
     cfg.xy_ki_per_A = nondet_float();
     cfg.xy_free_A2 = nondet_float();
+    cfg.reach_pu = nondet_float();
     GIVEN(ht_deadbeat_law_check(&cfg));
     MUST((cfg.gain > 0.0f) && (cfg.gain <= 1.0f));
     MUST((cfg.xy_ki_per_A >= 0.0f) && is_finite(cfg.xy_ki_per_A));
     MUST(cfg.xy_free_A2 > 0.0f);
+    MUST((cfg.reach_pu >= 0.5f) && (cfg.reach_pu <= 1.0f));
 }

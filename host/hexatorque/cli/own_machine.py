@@ -32,17 +32,21 @@ def at_terminal() -> bool:
         '    power_factor=0.82 frequency_Hz=50 speed_rpm=1455 poles=4"',
         'new mine.toml --circuit "pole_pairs=2 rs_ohm=1.8 rr_ohm=2 lls_H=10e-3 \\\n'
         '    llr_H=15e-3 lm_H=284e-3 current_A=6 vdc_V=300"',
-        note="Either list may also have vdc_V, inertia_kgm2, lxy_H, i_full_A, vdc_full_V, "
+        'new mine.toml --magnets "poles=10 ke_V=47 rs_ohm=1.1 ld_H=2.1e-3 current_A=3.5 \\\n'
+        '    vdc_V=60 inertia_kgm2=0.03"',
+        note="Each list may also have vdc_V, inertia_kgm2, lxy_H, i_full_A, vdc_full_V, "
         "dead_time_us, encoder_ppr, device, phases (with 3 it says what rewinding to six "
         "phases gives); a nameplate may have power_factor, efficiency, pull_out, "
-        "connection; a circuit torque_Nm, speed_rpm, flux_Wb. 5,5 is 5.5.",
+        "connection; the others torque_Nm and speed_rpm, a circuit flux_Wb, magnets lq_H. "
+        "5,5 is 5.5.",
     ),
 )
 @click.argument("file", metavar="FILE.toml", type=click.Path(path_type=Path))
 @options.value("--nameplate", metavar="NAME=VALUE,...", help="what the machine's plate says")
 @options.value("--circuit", metavar="NAME=VALUE,...", help="its equivalent circuit per phase")
+@options.value("--magnets", metavar="NAME=VALUE,...", help="data of a machine with magnets")
 @click.option("--force", is_flag=True, help="replace a file that is there")
-def new(file, nameplate, circuit, force) -> int:
+def new(file, nameplate, circuit, magnets, force) -> int:
     """Write a set-up for a machine of your own.
 
     The machine has six phases. Voltage and current of a nameplate are those of each of the two
@@ -52,24 +56,27 @@ def new(file, nameplate, circuit, force) -> int:
     """
     from ..setups import new as writing
 
-    if nameplate is not None and circuit is not None:
-        raise options.Mistake("give one of --nameplate and --circuit, not both")
-    asks = nameplate is None and circuit is None
-    if asks and not at_terminal():
+    lists = {"--nameplate": nameplate, "--circuit": circuit, "--magnets": magnets}
+    given = [name for name, text in lists.items() if text is not None]
+    if len(given) > 1:
+        raise options.Mistake(f"give one list, not {' and '.join(given)}")
+    if not given and not at_terminal():
         raise options.Mistake(
-            "give one of --nameplate and --circuit: the command asks only at a terminal"
+            f"give one of {', '.join(lists)}: the command asks only at a terminal"
         )
     if file.suffix != ".toml":
         raise options.Mistake(f"{file}: the name must end with .toml")
     if file.exists() and not force:
         raise options.Mistake(f"{file} is there already; --force replaces it")
     title = file.stem.replace('"', "").replace("\\", "")
-    if asks:
+    if not given:
         from .questions import ask
 
         text = ask(title)
     elif circuit is not None:
         text = writing.from_circuit(circuit, title)
+    elif magnets is not None:
+        text = writing.from_magnets(magnets, title)
     else:
         text = writing.from_nameplate(nameplate, title)
     text, scheme, why = writing.with_best_scheme(text, file.stem)

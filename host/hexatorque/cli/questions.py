@@ -38,6 +38,10 @@ CIRCUIT = (
     ),
     *("torque_Nm", "speed_rpm", *LAST),
 )
+MAGNETS = (
+    *(FIRST, "poles", "ke_V", "rs_ohm", "ld_H", "lq_H", "lxy_H", "vdc_V", "current_A"),
+    *("torque_Nm", "speed_rpm", *LAST),
+)
 #: After this answer the plate can contradict itself: before what it does not have is asked.
 COMPLETE = "poles"
 #: Of values that nothing suggests.
@@ -53,6 +57,9 @@ EXAMPLES = {
     "rr_ohm": "2",
     "lls_H": "0.01",
     "lm_H": "0.284",
+    "ke_V": "47",
+    "ld_H": "0.0021",
+    "inertia_kgm2": "0.03",
     "torque_Nm": "40",
     "vdc_V": "600",
 }
@@ -68,13 +75,14 @@ def ask(title: str) -> str:
         "Enter takes the answer in [brackets]."
     )
     kind = click.prompt(
-        "What do you have? nameplate, or the circuit per phase",
-        type=click.Choice(["nameplate", "circuit"]),
+        "What do you have? nameplate or circuit per phase of an induction machine, or magnets",
+        type=click.Choice(["nameplate", "circuit", "magnets"]),
         default="nameplate",
     )
     names, keys, make = {
         "nameplate": (PLATE, writing.NAMEPLATE, writing.from_nameplate),
         "circuit": (CIRCUIT, writing.CIRCUIT, writing.from_circuit),
+        "magnets": (MAGNETS, writing.MAGNETS, writing.from_magnets),
     }[kind]
     before: dict[str, str] = {}
     while True:
@@ -85,7 +93,7 @@ def ask(title: str) -> str:
                 if word := _answer(name, keys[name], given, before.get(name)):
                     given[name] = writing.value(name, word, keys[name])
                     told[name] = word
-                if name == COMPLETE:
+                if name == COMPLETE and kind == "nameplate":
                     make(_list(told), title)
             return make(_list(told), title)
         except ThreePhase as error:

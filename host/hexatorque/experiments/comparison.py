@@ -54,7 +54,7 @@ def points(
         setup = at_point(setup.changed(set), speed_rpm, load_Nm)
         result += [under(setup, name) for name in names]
         result += [
-            under(setup.changed({"timing.latency": other}), LATENCY_SCHEME)
+            under(setup.with_scheme(LATENCY_SCHEME, timing__latency=other), LATENCY_SCHEME)
             for other in LATENCY_STUDY
             if LATENCY_SCHEME in names and other != setup["timing.latency"]
         ]

@@ -296,7 +296,7 @@ OPEN: dict[str, Rule] = {
     ),
     "torque_limit_Nm": Rule(
         "1.5 times rated torque, or the largest load of point and profile if no torque is stated "
-        "and that is larger; but at most 65 % of pull-out where this is more than the rated torque, "
+        "and that is larger; but at most 65 % of pull-out where that is above the rated torque, "
         "80 % in any case, and what 80 % of i_trip_A gives",
         _torque_limit_Nm,
     ),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from typing import Any
 
 from ..given import choice, real, suggest
 from .design import REACH_PU, USABLE
 from .estimate import estimate, ranges, rotor_kgm2, spread
-from .keys import DEVICES, KEYS, LXY_LEAST, LXY_SHARE, MOST_NM, MOST_RPM, MOST_V, Key
+from .keys import DEVICES, KEYS, LXY_LEAST, LXY_SHARE, MODEL, MOST_NM, MOST_RPM, MOST_V, Key
 from .nameplate import FRICTION, IRON, THREE_PHASE, Nameplate, ThreePhase
 from .published import machines
 from .values import SetupError
@@ -60,6 +61,20 @@ CIRCUIT = {
     **COMMON,
     "vdc_V": _n("dc-link voltage", "V", 1, MOST_V),
 }
+#: Of a machine with magnets, as its data sheet has them.
+MAGNETS = {
+    "poles": Key("integer", "number of poles", "", 2, 128),
+    "ke_V": _n("voltage between two lines of a set without load at 1000 r/min, rms", "V", 0.1, 1e4),
+    "rs_ohm": replace(_M["rs_ohm"], help="resistance of a phase, half of that between two lines"),
+    "ld_H": replace(_M["ld_H"], help="inductance of a phase along the magnets, half of two lines'"),
+    "lq_H": _n("across them, 0: as along them, surface magnets", "H", 0, 10, 0.0),
+    "current_A": _n("rated current of one line of one set, rms", "A", 1e-2, 1e4),
+    "torque_Nm": _n("rated torque, 0: not known", "N m", 0, MOST_NM, 0.0),
+    "speed_rpm": _n("rated speed, 0: not known", "r/min", 0, MOST_RPM, 0.0),
+    **COMMON,
+    "vdc_V": _n("dc-link voltage", "V", 1, MOST_V),
+    "inertia_kgm2": _n("inertia, load included", "kg m2", 1e-6, 1e5),
+}
 TWO_VOLTAGES = (
     "two voltages or currents, as 230/400 and 6/3.5, are a three-phase machine's plate: give "
     "voltage_V and current_A of one connection, as 400 and 3.5, and phases=3"
@@ -70,7 +85,10 @@ TWO_VOLTAGES = (
 #: before the law sees any: with this share 1.2 times the step for k = 2.3, in the end 1.25 times.
 #: The regulators of foc have the same bandwidth.
 STEP_SHARE = 0.3
-STEP_WHY = "the leakage is an estimate; with a measured one 1 is quicker"
+STEP_WHY = "{}; with measured ones 1 is quicker"
+#: L_xy over L_d of the machines with magnets that are built in. The least is taken where it is not
+#: told: one that is believed too large lets the x-y current of a large step grow into a trip.
+LXY_OF_LD_RANGE = (0.14, 0.41)
 #: Range of the sensors over the amplitude of the rated current, and over the dc-link voltage.
 I_RANGE, V_RANGE = 3.5, 1.6
 
@@ -176,6 +194,7 @@ def from_nameplate(text: str, title: str) -> str:
             name: (getattr(circuit, name), "assumed", words[name])
             for name in ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")
         },
+        **_beside_circuit(given, circuit.lls_H),
     }
     rated = {
         "torque_Nm": (circuit.torque_Nm, "", "power over speed"),
@@ -183,7 +202,7 @@ def from_nameplate(text: str, title: str) -> str:
         "current_A": (plate.current_A, "", "nameplate"),
         "flux_Wb": (circuit.flux_Wb, "assumed", words["flux_Wb"]),
     }
-    controller = {} if plate.pull_out else {"step_share": (STEP_SHARE, "assumed", STEP_WHY)}
+    controller = {} if plate.pull_out else _careful_steps("leakages are estimates")
     return _text(title, head, machine, rated, given, controller)
 
 
@@ -200,13 +219,47 @@ def from_circuit(text: str, title: str) -> str:
         )
     names = ("pole_pairs", "rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")
     machine = {name: (given[name], "", "") for name in names}
-    rated = {
-        name: (given[name], "", "")
-        for name in ("torque_Nm", "speed_rpm", "current_A", "flux_Wb")
-        if given[name]
-    }
+    machine |= _beside_circuit(given, given["lls_H"])
     head = [f"Equivalent circuit: {text}"]
-    return _text(title, head, machine, rated, given)
+    return _text(title, head, machine, _rated(given), given)
+
+
+def from_magnets(text: str, title: str) -> str:
+    """The text of a set-up from the data sheet of a machine with magnets."""
+    given = read(text, MAGNETS)
+    if given["phases"] == "3":
+        raise SetupError(
+            "phases = 3: a three-phase machine has one set; rewound to six phases, for the same "
+            "power and voltage, rs_ohm, ld_H and lq_H are twice as large, current_A is half"
+        )
+    ld_H, pole_pairs = given["ld_H"], given["poles"] // 2
+    omega = pole_pairs * 1000 * math.pi / 30
+    machine = {
+        MODEL: ("magnet", "", ""),
+        "pole_pairs": (pole_pairs, "", ""),
+        "rs_ohm": (given["rs_ohm"], "", ""),
+        "ld_H": (ld_H, "", ""),
+        "lq_H": (given["lq_H"] or ld_H, "", ""),
+        "psi_f_Wb": (math.sqrt(2 / 3) * given["ke_V"] / omega, "", ""),
+    }
+    low, high = (share * ld_H for share in LXY_OF_LD_RANGE)
+    machine |= {
+        "lxy_H": _chosen("lxy_H", given, f"of this L_d; {low:.3g} .. {high:.3g}"),
+        "inertia_kgm2": (given["inertia_kgm2"], "", ""),
+    }
+    head = [f"Data sheet: {text}", "The harmonics of the magnets' voltage are left out: emf_share."]
+    controller = _careful_steps("inductances change with the current")
+    return _text(title, head, machine, _rated(given), given, controller)
+
+
+def _careful_steps(why: str) -> dict[str, tuple]:
+    """The row of [controller] for inductances that may be far off."""
+    return {"step_share": (STEP_SHARE, "assumed", STEP_WHY.format(why))}
+
+
+def _rated(given: dict[str, Any]) -> dict[str, tuple]:
+    names = ("torque_Nm", "speed_rpm", "current_A", "flux_Wb")
+    return {name: (given[name], "", "") for name in names if given.get(name)}
 
 
 def inertia_of(power_kW: float, speed_rpm: float) -> float:
@@ -225,13 +278,13 @@ def suggestion(name: str, given: dict[str, Any]) -> Any:
         return "6"
     if name == "frequency_Hz":
         return 50
-    if name == "poles":
+    if name == "poles" and "frequency_Hz" in given:
         # The slip is small: the synchronous speed is the next one above the rated speed.
         return min(128, max(2, 2 * int(60 * given["frequency_Hz"] / given["speed_rpm"])))
     if name == "llr_H":
         return given["lls_H"]
     if name == "lxy_H":
-        return LXY_SHARE * given["lls_H"]
+        return LXY_OF_LD_RANGE[0] * given["ld_H"] if "ld_H" in given else LXY_SHARE * given["lls_H"]
     if name == "vdc_V" and "voltage_V" in given:
         peak_V = math.sqrt(2 / 3) * given["voltage_V"]
         return math.ceil(peak_V / (REACH_PU * USABLE) / 10) * 10
@@ -239,7 +292,7 @@ def suggestion(name: str, given: dict[str, Any]) -> Any:
         return _rounded(V_RANGE * (given.get("vdc_V") or suggestion("vdc_V", given)))
     if name == "i_full_A":
         return _rounded(I_RANGE * math.sqrt(2) * given["current_A"])
-    if name == "inertia_kgm2":
+    if name == "inertia_kgm2" and "ke_V" not in given:
         if "poles" in given:
             speed_rpm = 120 * given["frequency_Hz"] / given["poles"]
             return _rounded(inertia_of(given["power_kW"], speed_rpm))
@@ -252,6 +305,32 @@ def suggestion(name: str, given: dict[str, Any]) -> Any:
     return None
 
 
+def _chosen(name: str, given: dict[str, Any], note: str, **known: float) -> tuple:
+    """The row of a value that was given, or of the suggestion for it."""
+    if given[name]:
+        return (given[name], "", "")
+    return (suggestion(name, {**given, **known}), "assumed", note)
+
+
+def _beside_circuit(given: dict[str, Any], lls_H: float) -> dict[str, tuple]:
+    """The rest of [machine] of an induction machine."""
+    inertia = suggestion("inertia_kgm2", given)
+    low, high = _rounded(inertia / spread().inertia), _rounded(inertia * spread().inertia)
+    return {
+        "lxy_H": _chosen(
+            "lxy_H",
+            given,
+            f"{LXY_SHARE:g} of the stator leakage; {LXY_LEAST * lls_H:.3g} .. {lls_H:.3g}",
+            lls_H=lls_H,
+        ),
+        "inertia_kgm2": _chosen(
+            "inertia_kgm2",
+            given,
+            f"usual for this power and speed, with an equal load; {low} .. {high}",
+        ),
+    }
+
+
 def _text(
     title: str,
     head: list[str],
@@ -262,29 +341,11 @@ def _text(
 ) -> str:
     from .. import firmware
 
-    lls_H = machine["lls_H"][0]
-    inertia = suggestion("inertia_kgm2", given)
-
     def chosen(name: str, note: str) -> tuple:
-        if given[name]:
-            return (given[name], "", "")
-        # The stator leakage is the plate's estimate here, or the circuit's.
-        return (suggestion(name, {**given, "lls_H": lls_H}), "assumed", note)
+        return _chosen(name, given, note)
 
     sections = {
-        "machine": {
-            **machine,
-            "lxy_H": chosen(
-                "lxy_H",
-                f"{LXY_SHARE:g} of the stator leakage; {LXY_LEAST * lls_H:.3g} .. {lls_H:.3g}",
-            ),
-            "inertia_kgm2": chosen(
-                "inertia_kgm2",
-                f"usual for this power and speed, with an equal load; "
-                f"{_rounded(inertia / spread().inertia)} .. "
-                f"{_rounded(inertia * spread().inertia)}",
-            ),
-        },
+        "machine": machine,
         "inverter": {
             "vdc_V": chosen("vdc_V", "reaches rated voltage with 10 % left for control"),
             "dead_time_us": (given["dead_time_us"], "assumed", "1 .. 3: see the gate drivers"),

@@ -1,6 +1,7 @@
 """From parameters to what the control step and the checks use, and the tables' answers to numbers
 that are in no table."""
 
+import math
 import re
 from pathlib import Path
 
@@ -44,6 +45,19 @@ def test_the_carrier_turns_where_that_lowers_the_ripple(kappa, from_pu, turned_f
     assert config.modulator.turn_pu == 0.0
     _, config = control(**values, carrier_turn="off")
     assert config.modulator.turn_pu > 10.0  # no inverter makes that voltage
+
+
+def test_a_step_may_limit_legs_where_two_periods_of_it_make_little_xy_current():
+    """Twelve-step operation makes x-y of half the difference of two vectors of 2/3 V_dc, 30 degrees
+    apart. L_xy on both sides of the one in which two periods of it make a fifth of the trip."""
+    xy_pu = 2 / 3 * math.sin(math.radians(15))
+    trip_A, vdc_max_V, f_isr_Hz = 20.0, 450.0, 10e3
+    edge_H = 2 * xy_pu * vdc_max_V / f_isr_Hz / (0.2 * trip_A)
+    for lxy_H, reach_pu in ((1.03 * edge_H, 1.0), (0.97 * edge_H, 1 / math.sqrt(3))):
+        _, config = control(
+            **{**DEADBEAT, "lxy_H": lxy_H, "i_trip_A": trip_A, "vdc_max_V": vdc_max_V}
+        )
+        assert config.deadbeat_law.reach_pu == pytest.approx(reach_pu, rel=1e-3)
 
 
 @pytest.mark.parametrize("scheme, turned", [("foc", False), ("foc-24", True)])

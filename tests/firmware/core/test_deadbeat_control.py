@@ -25,7 +25,7 @@ def config(scheme=lib.HT_DB_DTFC, rs_ohm=6.0, dead_pu=0.02, period=PERIOD, **cha
     law.flux_band_Wb, law.torque_band_Nm, law.torque_inner_Nm = 0.003, 0.3, 0.173
     law.xy.kp_pu_A, law.xy.ki_ts_pu_A = 0.1, 2.5e-4
     cfg.deadbeat_law.gain, cfg.deadbeat_law.xy_ki_per_A = 1.0, 2e-3
-    cfg.deadbeat_law.xy_free_A2 = 4.4**2
+    cfg.deadbeat_law.xy_free_A2, cfg.deadbeat_law.reach_pu = 4.4**2, 1.0
     cfg.modulator.kappa, cfg.modulator.kappa_from_pu, cfg.modulator.turn_pu = 1.0, 0.53, 0.3
     cfg.observer.ts_s, cfg.observer.inv_ts, cfg.observer.rs_ohm = TS, 1 / TS, rs_ohm
     cfg.observer.sigma_ls_H, cfg.observer.inv_sigma_ls = 0.028, 1 / 0.028

@@ -32,8 +32,8 @@ def pair(z):
 
 
 class Law:
-    def __init__(self, gain=1.0, ki=0.0):
-        self.cfg = ffi.new("ht_deadbeat_law_config *", [gain, ki, FREE_A**2])
+    def __init__(self, gain=1.0, ki=0.0, reach_pu=1.0):
+        self.cfg = ffi.new("ht_deadbeat_law_config *", [gain, ki, FREE_A**2, reach_pu])
         assert lib.ht_deadbeat_law_check(self.cfg)
         self.state = unwritten("ht_deadbeat_law_state *")
         lib.ht_deadbeat_law_reset(self.state)
@@ -155,6 +155,16 @@ def test_beyond_a_share_of_the_trip_an_xy_current_gets_its_voltage(torque):
             assert (span(v, 0j) <= 1 and span(v, against) <= 1.001) == fits
             if fits:
                 assert abs(v) == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("torque", (40, -40))
+def test_a_law_that_must_not_make_xy_current_asks_for_what_both_sets_can_make(torque):
+    for angle in np.arange(0, 2 * np.pi, 0.05):
+        turned = np.exp(1j * angle)
+        for reach_pu, fits in ((1.0, False), (0.577, True)):
+            v, _ = Law(reach_pu=reach_pu).step(0.4 * turned, 0.4 * turned, torque, 0.4)
+            assert (span(v, 0j) <= 1.03) == fits  # along the circle, not its tangent
+            assert abs(v) > 0.9 * reach_pu
 
 
 @given(st.complex_numbers(max_magnitude=0.02), st.complex_numbers(max_magnitude=2))

@@ -242,7 +242,7 @@ def test_deadbeat_law_has_the_torque_after_one_period(machine):
     exact = Exact(machine, 0.0)
     cfg = observer(machine)
     law, state = ffi.new("ht_deadbeat_law_config *"), ffi.new("ht_deadbeat_law_state *")
-    law.gain, law.xy_free_A2 = 1.0, 1e6
+    law.gain, law.xy_free_A2, law.reach_pu = 1.0, 1e6, 1.0
     m = ffi.addressof(cfg, "magnet")
     for begin, end in ((0.0, 2.0), (2.0, -1.0), (3.0, 4.0)):
         lib.ht_deadbeat_law_reset(state)

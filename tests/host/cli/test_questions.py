@@ -95,3 +95,11 @@ def test_nobody_is_asked_in_a_script(tmp_path, capsys, monkeypatch):
     assert main(["new", str(file)]) == 2
     assert "--nameplate" in capsys.readouterr().err
     assert not file.exists()
+
+
+def test_a_machine_with_magnets_is_asked_for_its_data_sheet(answered):
+    sheet = "poles=10,ke_V=47,rs_ohm=1.1,ld_H=0.0021,vdc_V=60,current_A=3.5,inertia_kgm2=0.03"
+    answers = (ENTER, "10", "47", "1.1", "0.0021", ENTER, ENTER, "60", "3.5", ENTER, ENTER, "0.03")
+    asked, text = answered("magnets", *answers)
+    assert text == written(new.from_magnets(sheet, "mine"))
+    assert "ke_V: voltage between two lines of a set without load at 1000 r/min" in asked

@@ -1,0 +1,96 @@
+"""Set-ups that `hexatorque new` makes of the data sheet of a machine with magnets."""
+
+import math
+
+import pytest
+
+from hexatorque import setups
+from hexatorque.cli.main import main
+from hexatorque.experiments.acceptance import accept
+from hexatorque.setups import SetupError, keys, new
+
+SURFACE = "poles=10,ke_V=47,rs_ohm=1.1,ld_H=2.1e-3,current_A=3.5,vdc_V=60,inertia_kgm2=0.03"
+INTERIOR = "poles=6,ke_V=67,rs_ohm=0.8,ld_H=6.4e-3,lq_H=17.4e-3,current_A=4.6,vdc_V=500"
+INTERIOR += ",inertia_kgm2=0.01"
+
+
+@pytest.mark.parametrize("sheet", [SURFACE, INTERIOR])
+def test_the_flux_induces_the_voltage_of_the_sheet(sheet):
+    """At 1000 r/min the flux turns by P 1000 2 pi/60 rad/s; the voltage between two lines is sqrt 3
+    times a phase's, and its rms 1/sqrt 2 of the amplitude."""
+    given = new.read(sheet, new.MAGNETS)
+    setup = setups.parse(new.from_magnets(sheet, "x"), "x")
+    assert setup["machine.model"] == "magnet"
+    turns_rad_s = 0.5 * given["poles"] * 1000 / 60 * 2 * math.pi
+    rms_V = setup["machine.psi_f_Wb"] * turns_rad_s * math.sqrt(3) / math.sqrt(2)
+    assert rms_V == pytest.approx(given["ke_V"], rel=1e-4)
+
+
+def test_a_sheet_without_lq_is_that_of_surface_magnets():
+    setup = setups.parse(new.from_magnets(SURFACE, "x"), "x")
+    assert setup["machine.lq_H"] == setup["machine.ld_H"] == 2.1e-3
+    assert setup["machine.lxy_H"] == pytest.approx(new.LXY_OF_LD_RANGE[0] * 2.1e-3)
+
+
+def test_what_is_assumed_of_the_xy_plane_covers_the_machines_that_are_built_in():
+    found = [
+        setup["machine.lxy_H"] / setup["machine.ld_H"]
+        for setup in map(setups.load, setups.builtin_names())
+        if setup["machine.model"] == "magnet"
+    ]
+    low, high = new.LXY_OF_LD_RANGE
+    assert len(found) >= 3
+    assert (min(found), max(found)) == (pytest.approx(low, abs=5e-3), pytest.approx(high, abs=5e-3))
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ({"ke_V": None}, "ke_V is missing (voltage between two lines of a set without load"),
+        ({"ke_V": "0"}, "ke_V = 0: allowed range is 0.1 .. 10000 V"),
+        ({"poles": "5"}, "poles = 5: an even number is needed"),
+        ({"inertia_kgm2": None}, "inertia_kgm2 is missing (inertia, load included, kg m2)"),
+        ({"phases": "3"}, "phases = 3: a three-phase machine has one set; rewound"),
+        ({"rr_ohm": "2"}, "unknown name rr_ohm"),
+    ],
+)
+def test_a_mistake_in_the_sheet_is_told_in_a_line(change, line):
+    given = dict(part.split("=") for part in SURFACE.split(","))
+    given |= change
+    text = ",".join(f"{name}={word}" for name, word in given.items() if word)
+    with pytest.raises(SetupError) as caught:
+        new.from_magnets(text, "x")
+    assert str(caught.value).startswith(line) and "\n" not in str(caught.value)
+
+
+def test_inductances_that_are_exchanged_are_named(tmp_path, capsys):
+    file = tmp_path / "mine.toml"
+    exchanged = INTERIOR.replace("6.4e-3", "20e-3")
+    assert main(["new", str(file), "--magnets", exchanged]) == 2
+    assert "L_d may not be above L_q" in capsys.readouterr().err
+    assert main(["new", str(file), "--magnets", INTERIOR, "--circuit", INTERIOR]) == 2
+    assert "give one list" in capsys.readouterr().err and not file.exists()
+
+
+@pytest.mark.parametrize("lxy_share", new.LXY_OF_LD_RANGE)
+@pytest.mark.parametrize("sheet", [SURFACE, INTERIOR])
+def test_a_drive_that_knows_the_sheet_alone_drives_another_machine(sheet, lxy_share):
+    """The magnets are 5 % weaker than on the sheet, as warm ones are, R_s is 25 % larger, L_d and
+    L_q are 10 % off; the voltage has harmonics, and L_xy is at an end of its range."""
+    text, scheme, _ = new.with_best_scheme(new.from_magnets(sheet, "x"), "x")
+    assert scheme
+    believed = setups.parse(text, "x")
+    values = setups.parameters(believed)
+    known = {f"controller__{n}": v for n, v in values.items() if n not in keys.TIMING_OWNS}
+    ld_H, lq_H = believed["machine.ld_H"], believed["machine.lq_H"]
+    true = believed.changed(
+        **known,
+        machine__psi_f_Wb=0.95 * believed["machine.psi_f_Wb"],
+        machine__rs_ohm=1.25 * believed["machine.rs_ohm"],
+        machine__ld_H=1.1 * ld_H,
+        machine__lq_H=(0.9 if lq_H > ld_H else 1.1) * lq_H,
+        machine__lxy_H=lxy_share * ld_H,
+        machine__emf_share=(0.03, 0.02, 0.01, 0.005),
+        machine__start_deg=200.0,
+    )
+    assert accept(true).state == "idle"
