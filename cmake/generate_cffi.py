@@ -21,6 +21,7 @@ HEADERS = (
     "ht_store.h",
     "ht_comparator.h",
     "ht_vsd.h",
+    "ht_vectors.h",
     "ht_drivers.h",
     "ht_regfile.h",
     "ht_board_of_device.h",

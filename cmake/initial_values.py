@@ -85,6 +85,7 @@ def bare(path: str, raw: object, known: dict) -> object:
     if section == "controller":
         return value
     if spec.kind == "choice":
+        value = str(value)
         if value not in spec.choices:
             raise SetupError(f"{path} = {value!r}: choose one of {', '.join(spec.choices)}")
     elif spec.kind in COUNTS:

@@ -68,7 +68,11 @@ def example(path: Path) -> None:
 def left_Nm(derating: Any, legs: int, mode: str) -> float:
     """Torque that the firmware allows without these legs; NaN where it refuses."""
     lost = ffi.new("ht_lost_legs *")
-    if not lib.ht_lost_legs_of(lib.ht_lost_legs_paired(legs) if mode == MODES[1] else legs, lost):
+    if not lib.ht_lost_legs_of(
+        lib.HT_WINDING_30,
+        lib.ht_lost_legs_paired(lib.HT_WINDING_30, legs) if mode == MODES[1] else legs,
+        lost,
+    ):
         return np.nan
     i_A = lib.ht_derated_A(lost, derating.rated_A)
     return float(lib.ht_derated_Nm(derating, i_A, lib.ht_derated_Wb(derating, i_A)))

@@ -1,6 +1,6 @@
 #include "ht_alignment.h"
 
-/* Directions of the current: 105 and 15 degrees. */
+/* Directions of the current: a quarter of a turn apart. */
 #define ASIDE 3u
 #define ALONG 0u
 /* Share of the time for which the rotor is pulled aside. */
@@ -25,9 +25,17 @@ static uint32_t apart(uint32_t a, uint32_t b, uint32_t counts_rev)
 }
 
 /* Angle of a direction. */
-static uint32_t angle_of(uint16_t direction, uint32_t counts_rev)
+static uint32_t angle_of(const ht_alignment_config *cfg, uint16_t direction)
 {
-    return share(counts_rev, (1.0f / 24.0f) * (1.0f + 2.0f * (float)direction));
+    return share(cfg->counts_rev, (1.0f / 24.0f) * (float)(uint16_t)(cfg->first + 2u * direction));
+}
+
+/* The direction next to an angle. */
+static uint16_t nearest(const ht_alignment_config *cfg, uint32_t electrical)
+{
+    float turns = (float)electrical / (float)cfg->counts_rev;
+    uint16_t direction = (uint16_t)(12.0f * turns + 0.5f * (float)(uint16_t)(1u - cfg->first));
+    return (direction < 12u) ? direction : 0u;
 }
 
 uint32_t ht_electrical(uint32_t electrical, int32_t moved, uint16_t pole_pairs, uint32_t counts_rev)
@@ -52,8 +60,7 @@ void ht_alignment_begin(const ht_alignment_config *cfg, ht_alignment_state *st)
 {
     st->direction = ASIDE;
     if (cfg->known) {
-        float turns = (float)st->electrical / (float)cfg->counts_rev;
-        st->direction = (uint16_t)(12.0f * turns); /* its angle is in the middle of 30 degrees */
+        st->direction = nearest(cfg, st->electrical);
     }
     st->aside = st->electrical;
     look(st, cfg->ticks);
@@ -63,7 +70,7 @@ void ht_alignment_begin(const ht_alignment_config *cfg, ht_alignment_state *st)
 static ht_alignment judged(const ht_alignment_config *cfg, ht_alignment_state *st)
 {
     uint32_t near = share(cfg->counts_rev, NEAR_TURNS);
-    uint32_t expected = angle_of(st->direction, cfg->counts_rev);
+    uint32_t expected = angle_of(cfg, st->direction);
     if (!cfg->known) {
         uint32_t behind = st->aside + cfg->counts_rev - cfg->counts_rev / 4u;
         if (apart(st->electrical, behind % cfg->counts_rev, cfg->counts_rev) > near) {

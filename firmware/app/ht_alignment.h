@@ -1,7 +1,8 @@
 /** @file ht_alignment.h
  *  How a drive gets to know the angle of a rotor with magnets, and checks it, before it makes torque.
  *
- *  "align": direct current pulls the d axis to 105 degrees, then to 15 degrees. So a rotor that stood
+ *  "align": direct current pulls the d axis to 105 degrees, then to 15 degrees; to 90 and to 0 where the
+ *  winding's sets are not 30 degrees apart. So a rotor that stood
  *  exactly against the current at first is pulled all the same, and the encoder must show a quarter of
  *  an electrical turn backwards. "known": the encoder's count tells the angle. Direct current pulls the
  *  rotor to the nearest of twelve directions, where the count must show it within 30 degrees. Either
@@ -17,6 +18,7 @@ typedef struct {
     uint32_t ticks;      /**< of the build-up; four times as long at most */
     uint32_t counts_rev; /**< of the encoder */
     uint16_t pole_pairs;
+    uint16_t first; /**< angle of direction 0 over 15 degrees: 0 or 1 */
 } ht_alignment_config;
 
 typedef struct {

@@ -81,6 +81,7 @@ static void configure_leg_loss(const ht_params *p, float ts, ht_leg_loss_config 
     c->zero_A = LOSS_ZERO_SHARE * c->sum_A;
     c->hold = (uint16_t)hold;
     c->wait = (uint16_t)wait;
+    c->winding = ht_winding_of(p->v);
 }
 
 /* A harmonic of the induced voltage, over the electrical speed. */
@@ -95,6 +96,7 @@ static ht_ab harmonic(float psi_f_Wb, float share, float deg)
 static void configure_magnets(const float *v, ht_observer_config *c)
 {
     ht_magnet_config *m = &c->magnet;
+    float in_xy;
     c->magnets = v[HT_P_machine] != 0.0f;
     m->psi_f_Wb = v[HT_P_psi_f_Wb];
     m->inv_psi_f = 1.0f / m->psi_f_Wb;
@@ -104,8 +106,10 @@ static void configure_magnets(const float *v, ht_observer_config *c)
     m->saliency_H = m->ld_H - m->lq_H;
     m->share = m->saliency_H * m->inv_ld;
     m->torque_gain = c->torque_gain;
-    m->emf5_Wb = harmonic(m->psi_f_Wb, v[HT_P_emf5_share], v[HT_P_emf5_deg]);
-    m->emf7_Wb = harmonic(m->psi_f_Wb, v[HT_P_emf7_share], v[HT_P_emf7_deg]);
+    /* Else they are in alpha-beta. */
+    in_xy = (c->winding == HT_WINDING_30) ? 1.0f : 0.0f;
+    m->emf5_Wb = harmonic(in_xy * m->psi_f_Wb, v[HT_P_emf5_share], v[HT_P_emf5_deg]);
+    m->emf7_Wb = harmonic(in_xy * m->psi_f_Wb, v[HT_P_emf7_share], v[HT_P_emf7_deg]);
 }
 
 /* Derive the control configuration, or tell why the values do not fit. */
@@ -144,6 +148,7 @@ static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_co
     c->observer.rotor_drive = ts * p->v[HT_P_rr_ohm] * c->observer.lm_over_lr;
     c->observer.torque_gain = 3.0f * p->v[HT_P_pole_pairs];
     c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
+    c->observer.winding = ht_winding_of(p->v);
     configure_magnets(p->v, &c->observer);
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
     c->dead.i_zero_A = p->v[HT_P_i_zero_A];
@@ -219,6 +224,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
     const float *v = c->params.v;
     float ticks = v[HT_P_build_s] * v[HT_P_f_isr_Hz];
+    c->alignment.first = (c->control.observer.winding == HT_WINDING_30) ? 1u : 0u;
     c->alignment.known = v[HT_P_rotor_start] != 0.0f;
     c->alignment.ticks = (uint32_t)ticks;
     c->alignment.counts_rev = (uint32_t)v[HT_P_encoder_counts_rev];

@@ -11,7 +11,9 @@
  * is |exp(-j phi) - (1 + g)/2 exp(j(4 theta - 5 phi)) - s (1 - g)/2 exp(j 5 phi)| times that current,
  * with s = 1 for a leg of set 1 and -1 for one of set 2. g is the share of the current across the
  * lost leg's axis that flows in x-y, too. */
-#define ONE_LEG 0.554700196f  /* g = 0: 2/sqrt(13) */
+#define ONE_LEG 0.554700196f /* g = 0: 2/sqrt(13) */
+/* Sets 0 or 60 degrees apart, any g: a leg along the same axis carries twice the current. */
+#define ONE_LEG_ALIKE 0.5f
 #define TWO_LEGS 0.577350269f /* 90 degrees apart, g = 1: 1/sqrt(3) */
 #define WITHOUT_SET 0.5f
 /* Share of `i_trip_A` that is asked for at most; the rest is for the ripple. */
@@ -43,9 +45,10 @@ static void configure_ripple(const float *v, ht_derating_config *c)
 {
     const ht_scheme_info *scheme = ht_scheme_describe((uint16_t)v[HT_P_scheme]);
     bool bands = scheme->torque_levels != 0u;
-    c->ripple_A_V =
-        (HT_LONGEST_PU / v[HT_P_sigma_ls_H] + ht_scheme_xy_step_pu(scheme) / v[HT_P_lxy_H])
-        / v[HT_P_f_isr_Hz];
+    ht_winding winding = ht_winding_of(v);
+    c->ripple_A_V = (ht_longest_pu(winding) / v[HT_P_sigma_ls_H]
+                     + ht_scheme_xy_step_pu(scheme, winding) / v[HT_P_lxy_H])
+                    / v[HT_P_f_isr_Hz];
     c->flux_band_A = bands ? (v[HT_P_flux_band_Wb] / v[HT_P_sigma_ls_H]) : 0.0f;
     c->torque_band_Nm = bands ? v[HT_P_torque_band_Nm] : 0.0f;
 }
@@ -73,7 +76,7 @@ float ht_derated_A(const ht_lost_legs *lost, float phase_A)
     if (lost->set) {
         part = WITHOUT_SET;
     } else if (lost->axes == 1u) {
-        part = ONE_LEG;
+        part = (lost->winding == HT_WINDING_30) ? ONE_LEG : ONE_LEG_ALIKE;
     } else {
         /* as it is */
     }

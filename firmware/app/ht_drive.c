@@ -185,8 +185,9 @@ HT_SELDOM static bool go_on_without(ht_drive *d, uint16_t legs)
 {
     bool most = d->config->params.v[HT_P_ride_through] == MOST_TORQUE;
     uint16_t leg;
-    d->off_legs = ht_control_lose(&d->config->control, &d->control,
-                                  most ? ht_lost_legs_paired(legs) : legs, d->sets.ohm);
+    d->off_legs = ht_control_lose(
+        &d->config->control, &d->control,
+        most ? ht_lost_legs_paired(d->config->control.observer.winding, legs) : legs, d->sets.ohm);
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         if ((d->off_legs & (HT_LEG_U1 >> leg)) != 0u) {
             ht_port_leg_off(d->port, leg);

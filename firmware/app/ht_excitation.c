@@ -40,6 +40,7 @@ void ht_excitation_configure(const ht_params *p, ht_excitation_config *c)
     float most_Hz = 0.25f * v[HT_P_f_isr_Hz];
     float ticks;
     float hertz = ht_limited(v[HT_P_test_Hz], most_Hz);
+    c->winding = ht_winding_of(v);
     c->wave = (ht_wave)(uint16_t)v[HT_P_test_wave];
     c->ab_V.alpha = v[HT_P_test_alpha_V];
     c->ab_V.beta = v[HT_P_test_beta_V];
@@ -141,7 +142,7 @@ void ht_excitation_step(const ht_excitation_config *c, ht_excitation_state *st, 
     out->start = 0u;
     for (leg = 0; leg < HT_LEGS; leg++) {
         /* The inverse of the transform is three times its transpose. */
-        const ht_vsd *column = &ht_transform[leg];
+        const ht_vsd *column = &ht_transform[c->winding][leg];
         float leg_pu = 3.0f * per_V
                        * (column->ab.alpha * v.ab.alpha + column->ab.beta * v.ab.beta
                           + column->xy.x * v.xy.x + column->xy.y * v.xy.y);

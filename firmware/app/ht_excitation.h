@@ -24,6 +24,7 @@ typedef enum {
 } ht_wave;
 
 typedef struct {
+    ht_winding winding;
     ht_wave wave;
     ht_ab ab_V;
     ht_xy xy_V;

@@ -71,10 +71,29 @@ static bool holds_pulses(const float *v, float pwm_clock_Hz, float write, float 
 }
 
 /* Can a drive do without these legs? */
-static bool can_lose(uint16_t legs, bool predicts)
+static bool can_lose(ht_winding winding, uint16_t legs, bool predicts)
 {
     ht_lost_legs lost;
-    return (legs == 0u) || (predicts && (ht_lost_legs_of(legs, &lost) != 0u));
+    return (legs == 0u) || (predicts && (ht_lost_legs_of(winding, legs, &lost) != 0u));
+}
+
+#define TURN_ALWAYS 2.0f /* carrier_turn */
+
+/* What sets demand that are 0 or 60 degrees apart. */
+static bool sets_fit(const float *v, uint16_t misfit)
+{
+    const ht_scheme_info *row = ht_scheme_describe((uint16_t)v[HT_P_scheme]);
+    bool result = true;
+    switch ((ht_misfit)misfit) {
+    case HT_MISFIT_WINDING:
+        result = ht_scheme_drives(row, ht_winding_of(v));
+        break;
+    case HT_MISFIT_WINDING_ALIKE:
+    default:
+        result = (v[HT_P_carrier_turn] != TURN_ALWAYS) && (v[HT_P_clamp] == 0.0f);
+        break;
+    }
+    return result;
 }
 
 /* What magnets demand. */
@@ -97,7 +116,7 @@ static bool magnets_fit(const float *v, uint16_t misfit)
     case HT_MISFIT_XY_STEP:
     default:
         result = ht_scheme_regulates_xy(row)
-                 || (ht_scheme_xy_step_pu(row) * v[HT_P_vdc_max_V]
+                 || (ht_scheme_xy_step_pu(row, ht_winding_of(v)) * v[HT_P_vdc_max_V]
                      <= v[HT_P_i_trip_A] * v[HT_P_lxy_H] * v[HT_P_f_isr_Hz]);
         break;
     }
@@ -131,7 +150,8 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
         result = v[HT_P_rr_ohm] < 0.5f * v[HT_P_lr_H] * f_isr_Hz;
         break;
     case HT_MISFIT_LOST_LEGS:
-        result = can_lose((uint16_t)v[HT_P_lost_legs], !immediate && (v[HT_P_predict] != 0.0f));
+        result = can_lose(ht_winding_of(v), (uint16_t)v[HT_P_lost_legs],
+                          !immediate && (v[HT_P_predict] != 0.0f));
         break;
     case HT_MISFIT_LOST_RIDE:
         result = (v[HT_P_lost_legs] == 0.0f) || (v[HT_P_ride_through] != 0.0f);
@@ -154,6 +174,10 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_MAGNET_LEGS:
     case HT_MISFIT_XY_STEP:
         result = (v[HT_P_machine] == 0.0f) || magnets_fit(v, misfit);
+        break;
+    case HT_MISFIT_WINDING:
+    case HT_MISFIT_WINDING_ALIKE:
+        result = (ht_winding_of(v) == HT_WINDING_30) || sets_fit(v, misfit);
         break;
     default:
         result = in_order(v, &table[misfit - 1u]);

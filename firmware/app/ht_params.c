@@ -44,6 +44,11 @@ void ht_params_default(ht_params *p)
     }
 }
 
+ht_winding ht_winding_of(const float *v)
+{
+    return (ht_winding)(uint16_t)v[HT_P_displacement_deg];
+}
+
 bool ht_param_valid(uint16_t id, float value)
 {
     if (id >= HT_PARAMS) {

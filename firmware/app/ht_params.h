@@ -4,6 +4,8 @@
 #ifndef HT_PARAMS_H
 #define HT_PARAMS_H
 
+#include "ht_types.h"
+
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -43,6 +45,9 @@ uint16_t ht_param_count(void);
 /** Table entry, or NULL if there is no such id. */
 const ht_param_info *ht_param_describe(uint16_t id);
 void ht_params_default(ht_params *p);
+/** What the parameter values `v`, by id, say of the winding. */
+ht_winding ht_winding_of(const float *v);
+
 /** True if `value` is finite, in range and, where the table says so, whole. */
 bool ht_param_valid(uint16_t id, float value);
 

@@ -3,7 +3,7 @@
 #include "ht_limited.h"
 #include "ht_turned.h"
 #include "ht_vectors.h"
-#include "ht_vsd.h"
+#include "ht_winding.h"
 
 #include <stddef.h>
 
@@ -38,6 +38,12 @@ static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
     default:
         break;
     }
+}
+
+/* Currents of the legs in the winding's planes. */
+static HT_INTO_CALLERS ht_vsd currents_of(ht_winding winding, const ht_six *i_A)
+{
+    return ht_of_winding(winding, ht_vsd_from_six(i_A));
 }
 
 /* Every law that commands a voltage: prediction, sampling, and what the law says of its own
@@ -173,12 +179,14 @@ static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_contr
 /* A voltage: the modulator writes the pattern, because every leg has an instant of its own. */
 static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_control_state *st,
                                            const ht_control_input *in, ht_vsd i, bool lost,
-                                           bool magnets, ht_compare *out)
+                                           bool magnets, ht_winding winding, ht_compare *out)
 {
     uint16_t number = (st->active.own == 1u) ? 2u : 1u;
     ht_voltage_law_input seen;
     ht_modulator_input given;
     ht_vsd v;
+    ht_vsd legs; /* of another winding than 30 degrees */
+    ht_vsd *told = &v;
     seen.psi_Wb = st->decided.psi_Wb;
     seen.psi_xy_Wb = st->psi_xy_Wb;
     seen.i_A = i;
@@ -206,7 +214,11 @@ static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_cont
     given.i_A = &in->i_A;
     given.before = st->active.s[2];
     given.period = &cfg->period;
-    ht_modulator_step(&cfg->modulator, &st->modulator, &v, &given, out, &st->next,
+    if (winding != HT_WINDING_30) {
+        legs = ht_modulator_legs(winding, &v);
+        told = &legs;
+    }
+    ht_modulator_step(&cfg->modulator, &st->modulator, told, &given, out, &st->next,
                       &st->toggles[number - 1u]);
     st->next.own = number;
     st->v_xy_pu = v.xy;
@@ -235,6 +247,8 @@ void ht_control_configure(ht_control_config *cfg, const ht_law_setting *given)
     default:
         break;
     }
+    ht_modulator_wind(&cfg->modulator, cfg->observer.winding);
+    cfg->special = cfg->observer.magnets || (cfg->observer.winding != HT_WINDING_30);
 }
 
 float ht_control_reach_pu(const ht_control_config *cfg)
@@ -252,6 +266,9 @@ float ht_control_reach_pu(const ht_control_config *cfg)
     default:
         break;
     }
+    if ((cfg->observer.winding != HT_WINDING_30) && (reach_pu > HT_REACH_ALIKE_PU)) {
+        reach_pu = HT_REACH_ALIKE_PU;
+    }
     return reach_pu;
 }
 
@@ -264,7 +281,8 @@ ht_config_status ht_control_check(const ht_control_config *cfg)
         || !(cfg->dead.dead_pu <= 0.5f) || !positive(cfg->dead.i_zero_A)) {
         return HT_CONFIG_TIMING;
     }
-    if (((unsigned)cfg->observer.kind >= HT_OBSERVERS) || !(cfg->observer.rs_ohm >= 0.0f)
+    if (((unsigned)cfg->observer.kind >= HT_OBSERVERS)
+        || ((unsigned)cfg->observer.winding >= HT_WINDINGS) || !(cfg->observer.rs_ohm >= 0.0f)
         || !positive(cfg->observer.sigma_ls_H) || !positive(cfg->observer.inv_sigma_ls)
         || !positive(cfg->observer.lxy_H) || !(cfg->observer.rotor_decay >= 0.0f)
         || !(cfg->observer.rotor_decay < 0.5f)) {
@@ -296,7 +314,7 @@ void ht_control_low_pattern(const ht_control_config *cfg, ht_compare *out)
 
 void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A)
 {
-    ht_vsd i = ht_vsd_from_six(i_A);
+    ht_vsd i = currents_of(cfg->observer.winding, i_A);
     ht_observer_reset(&cfg->observer, &st->observer, i.ab);
     low_from_the_start(&st->active, &cfg->dead);
     low_from_the_start(&st->next, &cfg->dead);
@@ -328,7 +346,7 @@ bool ht_control_can_lose(const ht_control_config *cfg)
 uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs,
                          float set2_ohm)
 {
-    uint16_t off = ht_lost_legs_of(legs, &st->lost);
+    uint16_t off = ht_lost_legs_of(cfg->observer.winding, legs, &st->lost);
     float more_ohm = st->leg_loss.more_ohm; /* the machine has it without the leg, too */
     uint16_t n;
     ht_lost_legs_differ(&st->lost, set2_ohm);
@@ -356,8 +374,8 @@ void ht_control_switch_over(const ht_control_config *from, const ht_control_conf
 /* Subtract the devices' threshold voltage: it acts on each leg against the leg's current.
  * Around zero current, where the devices' curve is steep and ripple changes the sign, a share
  * of it counts, in proportion to the current, as for the dead time. */
-static ht_vsd less_drops(const ht_control_config *cfg, const ht_six *from, const ht_six *to,
-                         ht_vsd v)
+static ht_vsd less_drops(const ht_control_config *cfg, ht_winding winding, const ht_six *from,
+                         const ht_six *to, ht_vsd v)
 {
     float per_A = 0.5f / cfg->dead.i_zero_A;
     ht_six drop;
@@ -367,7 +385,7 @@ static ht_vsd less_drops(const ht_control_config *cfg, const ht_six *from, const
         float share = per_A * (from->p[leg] + to->p[leg]);
         drop.p[leg] = cfg->drop_V * ht_limited(share, 1.0f);
     }
-    lost = ht_vsd_from_six(&drop);
+    lost = ht_of_winding(winding, ht_vsd_from_six(&drop));
     v.ab.alpha -= lost.ab.alpha;
     v.ab.beta -= lost.ab.beta;
     v.xy.x -= lost.xy.x;
@@ -376,19 +394,22 @@ static ht_vsd less_drops(const ht_control_config *cfg, const ht_six *from, const
 }
 
 /* Mean voltage under a pattern, from currents `from` to `to`. */
-static inline ht_vsd voltage(const ht_control_config *cfg, const ht_applied *a,
+static inline ht_vsd voltage(const ht_control_config *cfg, ht_winding winding, const ht_applied *a,
                              const ht_toggles *toggles, ht_flow flow, const ht_six *from,
                              const ht_six *to, float vdc_V, const ht_spill *left, ht_spill *over,
                              bool xy)
 {
-    ht_vsd v = ht_volt_seconds(a, toggles, &cfg->dead, flow, from, to, left, over, xy);
+    /* A set that is turned takes what the tables have in x-y into alpha-beta. */
+    bool both = xy || (winding != HT_WINDING_30);
+    ht_vsd v = ht_volt_seconds(a, toggles, &cfg->dead, flow, from, to, left, over, both);
+    v = ht_of_winding(winding, v);
     v.ab.alpha *= vdc_V;
     v.ab.beta *= vdc_V;
     if (xy) {
         v.xy.x *= vdc_V;
         v.xy.y *= vdc_V;
     }
-    return (cfg->drop_V > 0.0f) ? less_drops(cfg, from, to, v) : v;
+    return (cfg->drop_V > 0.0f) ? less_drops(cfg, winding, from, to, v) : v;
 }
 
 /* Under shadow load the pattern that was written a period ago takes effect now. */
@@ -421,7 +442,8 @@ static ht_xy less_induced(const ht_control_config *cfg, const ht_control_state *
 
 /* Observe the period that ended and, if asked, look one period ahead. */
 static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_state *st,
-                                    const ht_control_input *in, ht_vsd i, bool lost, bool magnets)
+                                    const ht_control_input *in, ht_vsd i, bool lost, bool magnets,
+                                    ht_winding winding)
 {
     ht_flow now = {0u, 0u};
     ht_flow then;
@@ -435,8 +457,8 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
         now = ht_flow_of(&in->i_A, &cfg->dead);
     }
     then = ht_flow_at_edges(&st->active, st->flow, now);
-    v = voltage(cfg, &st->active, st->toggles, then, &st->i_A, &in->i_A, in->vdc_V, &st->spill,
-                &st->spill, watch || lost);
+    v = voltage(cfg, winding, &st->active, st->toggles, then, &st->i_A, &in->i_A, in->vdc_V,
+                &st->spill, &st->spill, watch || lost);
     if (lost) {
         v = ht_lost_legs_voltage(&st->lost, &cfg->observer, st->observer.rs_ohm, v, st->i_xy_A,
                                  i.xy);
@@ -460,8 +482,8 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
     if (cfg->predict) {
         bool xy = cfg->needs_xy || lost;
         ht_spill over; /* of no interest */
-        v = voltage(cfg, &st->next, st->toggles, now, &in->i_A, &in->i_A, in->vdc_V, &st->spill,
-                    &over, xy);
+        v = voltage(cfg, winding, &st->next, st->toggles, now, &in->i_A, &in->i_A, in->vdc_V,
+                    &st->spill, &over, xy);
         if (lost) {
             ht_ab r; /* rotor flux seen from the stator */
             r.alpha = estimate.psi_Wb.alpha - cfg->observer.sigma_ls_H * i.ab.alpha;
@@ -494,19 +516,33 @@ static void commit(const ht_control_config *cfg, ht_control_state *st, const uin
     ht_applied_finish(target, before, &cfg->dead);
 }
 
+/* Nothing of it in x-y on average: action points, and the state words into `s`. */
+static HT_INTO_CALLERS ht_action_points pull_along(ht_winding winding, unsigned direction,
+                                                   uint16_t s[3])
+{
+    ht_action_points halves = {0.5f, 1.0f};
+    ht_xy none = {0.0f, 0.0f};
+    if (winding != HT_WINDING_30) {
+        ht_vectors_alike(ht_large_of(winding), direction, s);
+        return halves;
+    }
+    ht_vectors_virtual(HT_L, direction, s);
+    return ht_duty(HT_L, direction, none);
+}
+
 /* The flux build-up: action points, and the state words into `s`. */
-static ht_action_points build_step(const ht_control_config *cfg, const ht_control_state *st,
-                                   const ht_control_input *in, ht_ab i, uint16_t s[3])
+static HT_INTO_CALLERS ht_action_points build_step(const ht_control_config *cfg,
+                                                   const ht_control_state *st,
+                                                   const ht_control_input *in, ht_winding winding,
+                                                   ht_ab i, uint16_t s[3])
 {
     ht_action_points whole = {1.0f, 1.0f};
-    ht_xy none = {0.0f, 0.0f};
     ht_ab psi = st->decided.psi_Wb;
     float limit2 = cfg->build_current_A * cfg->build_current_A;
     float i2 = i.alpha * i.alpha + i.beta * i.beta;
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     if ((i2 < limit2) && (psi2 < in->flux_ref_Wb * in->flux_ref_Wb)) {
-        ht_vectors_virtual(HT_L, BUILD_DIRECTION, s);
-        return ht_duty(HT_L, BUILD_DIRECTION, none);
+        return pull_along(winding, BUILD_DIRECTION, s);
     }
     ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
     return whole;
@@ -515,23 +551,24 @@ static ht_action_points build_step(const ht_control_config *cfg, const ht_contro
 /* The step of a drive that has all its legs, and of one that has not. */
 static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state *st,
                                  const ht_control_input *in, bool build, bool lost, bool magnets,
-                                 ht_compare *out)
+                                 ht_winding winding, ht_compare *out)
 {
-    ht_vsd i = ht_vsd_from_six(&in->i_A);
+    ht_vsd i = currents_of(winding, &in->i_A);
     ht_action_points p;
     ht_xy emf_pu;
     uint16_t s[3];
-    observe(cfg, st, in, i, lost, magnets);
+    observe(cfg, st, in, i, lost, magnets, winding);
     if (magnets) {
         st->emf_V = induced_V(cfg, st, in->axis, cfg->shadow ? 1.5f : 0.5f);
         emf_pu.x = st->emf_V.x / in->vdc_V;
         emf_pu.y = st->emf_V.y / in->vdc_V;
     }
-    st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
+    st->sector = (uint16_t)((winding == HT_WINDING_30) ? ht_sector(st->decided.psi_Wb)
+                                                       : ht_sector_of_six(st->decided.psi_Wb));
     if (build) {
-        p = build_step(cfg, st, in, i.ab, s);
+        p = build_step(cfg, st, in, winding, i.ab, s);
     } else if (lost || !vector_step(cfg, st, in, i.xy, magnets ? &emf_pu : NULL, s, &p)) {
-        modulated_step(cfg, st, in, i, lost, magnets, out);
+        modulated_step(cfg, st, in, i, lost, magnets, winding, out);
         return;
     } else {
         /* p and s are known */
@@ -539,22 +576,15 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     commit(cfg, st, s, p, out);
 }
 
-/* A function of its own: in one with the step of a healthy drive, each would cost the other
- * registers. */
-HT_SELDOM HT_WITH_CALLED static void step_without_legs(const ht_control_config *cfg,
-                                                       ht_control_state *st,
-                                                       const ht_control_input *in, bool build,
-                                                       ht_compare *out)
+/* Without a leg, with magnets, or with sets that are not 30 degrees apart. A function of its own: in one
+ * with the step of a healthy induction machine each would cost the other registers. */
+HT_SELDOM HT_WITH_CALLED static void special_step(const ht_control_config *cfg,
+                                                  ht_control_state *st, const ht_control_input *in,
+                                                  bool build, ht_compare *out)
 {
-    step(cfg, st, in, build, true, false, out);
-}
-
-/* A machine with magnets likewise. */
-HT_SELDOM HT_WITH_CALLED static void step_with_magnets(const ht_control_config *cfg,
-                                                       ht_control_state *st,
-                                                       const ht_control_input *in, ht_compare *out)
-{
-    step(cfg, st, in, false, false, true, out);
+    bool magnets = cfg->observer.magnets;
+    bool lost = !magnets && (st->lost.axes != 0u);
+    step(cfg, st, in, build, lost, magnets, cfg->observer.winding, out);
 }
 
 /* With all that it calls: how much of it the compiler would put here hangs on the size of files that
@@ -562,19 +592,18 @@ HT_SELDOM HT_WITH_CALLED static void step_with_magnets(const ht_control_config *
 HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_state *st,
                                     const ht_control_input *in, bool build, ht_compare *out)
 {
-    if (cfg->observer.magnets) {
-        step_with_magnets(cfg, st, in, out);
-    } else if (st->lost.axes != 0u) {
-        step_without_legs(cfg, st, in, build, out);
+    if (cfg->special || (st->lost.axes != 0u)) {
+        special_step(cfg, st, in, build, out);
     } else {
-        step(cfg, st, in, build, false, false, out);
+        step(cfg, st, in, build, false, false, HT_WINDING_30, out);
     }
 }
 
 void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
                       const ht_control_input *in, unsigned direction, ht_compare *out)
 {
-    ht_vsd i = ht_vsd_from_six(&in->i_A);
+    ht_winding winding = cfg->observer.winding;
+    ht_vsd i = currents_of(winding, &in->i_A);
     ht_action_points p = {1.0f, 1.0f};
     float i2 = i.ab.alpha * i.ab.alpha + i.ab.beta * i.ab.beta;
     uint16_t s[3];
@@ -590,9 +619,7 @@ void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
     still = !cfg->shadow || (ht_nearest_zero[st->active.s[1]] == st->active.s[1]);
     if ((direction < HT_DIRECTIONS) && still
         && (i2 < cfg->build_current_A * cfg->build_current_A)) {
-        ht_xy none = {0.0f, 0.0f};
-        ht_vectors_virtual(HT_L, direction, s);
-        p = ht_duty(HT_L, direction, none);
+        p = pull_along(winding, direction, s);
     } else {
         ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
     }

@@ -32,6 +32,7 @@ typedef struct {
     bool shadow;           /**< a pattern takes effect one period after its step */
     bool predict;          /**< decide on the state one period ahead */
     bool needs_xy;         /**< the law decides by the x-y flux */
+    bool special;          /**< magnets, or sets that are not 30 degrees apart */
     bool only_v0;          /**< zero vectors: V0 only, else the one with the fewest transitions */
     float drop_V;          /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
     float build_current_A; /**< current limit of the flux build-up */
@@ -98,7 +99,7 @@ typedef struct {
 /** Choose a scheme: fills in what its row decides (ht_schemes.def). The rest of `cfg` stays. */
 void ht_control_select(ht_control_config *cfg, ht_scheme scheme);
 
-/** Configure the law of the scheme in use, and the modulator. `given->machine` is `cfg->observer`, which
+/** Configure the law of the scheme in use, the modulator and `special`. `given->machine` is `cfg->observer`, which
  *  must be set; `given->scheme` is the row of `cfg->scheme`. */
 void ht_control_configure(ht_control_config *cfg, const ht_law_setting *given);
 
@@ -133,13 +134,14 @@ uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uin
                          float set2_ohm);
 
 /** One period of the alignment of a rotor with magnets: the zero-mean virtual vector in `direction`
- *  (0..11, 15 degrees and 30 more each), current limited. Nothing is estimated: where the magnets'
+ *  (0..11, 15 degrees and 30 more each; from 0 degrees on where the sets are not 30 degrees apart),
+ *  current limited. Nothing is estimated: where the magnets'
  *  flux is, is not known. `direction` HT_DIRECTIONS: a zero vector. */
 void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
                       const ht_control_input *in, unsigned direction, ht_compare *out);
 
 /** One sampling period. `build`: flux build-up at standstill instead of the scheme's law,
- *  the zero-mean virtual vector along 15 degrees, current limited, until |psi| is at the
+ *  the zero-mean virtual vector in direction 0, current limited, until |psi| is at the
  *  reference. */
 void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const ht_control_input *in,
                      bool build, ht_compare *out);

@@ -92,7 +92,7 @@ static void gather(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
     ht_applied_high(in->applied, in->toggles, &high);
     for (n = 0; n < HT_LEGS; n++) {
         ht_leg_evidence *leg = &st->leg[n];
-        ht_xy b = ht_transform[n].xy;
+        ht_xy b = ht_transform[cfg->winding][n].xy;
         float long_V = 3.0f * (b.x * now.x + b.y * now.y);
         float low_V = 3.0f * (b.x * low.x + b.y * low.y);
         bool own = (low_V * low_V) > own2;

@@ -38,6 +38,7 @@
 #define HT_SWITCHES 12u /* of six legs */
 
 typedef struct {
+    ht_winding winding;
     float least_V2;     /**< smallest residual that counts, squared; 0 = off */
     float gain;         /**< of the residual's low pass, per period */
     float l_per_ts_ohm; /**< L_xy / Ts */

@@ -6,7 +6,7 @@
 #include <math.h>
 
 #define COS_30 0.866025404f
-/* Legs that are 90 degrees apart. */
+/* Legs that are 90 degrees apart where the sets are 30. */
 #define U1_V2 0x21u
 #define U2_W1 0x18u
 #define W2_V1 0x06u
@@ -33,13 +33,14 @@ static float along_xy(ht_xy b, ht_xy v)
  * where the other set's leg, 90 degrees away, takes it to minus b. */
 static void axes_of(unsigned leg, bool set, ht_lost_legs *lost)
 {
+    const ht_vsd *column = &ht_transform[lost->winding][leg];
     ht_lost_axis *first = &lost->axis[0];
     ht_lost_axis *second = &lost->axis[1];
     float sign = set ? -1.0f : 1.0f;
-    first->a.alpha = 3.0f * ht_transform[leg].ab.alpha;
-    first->a.beta = 3.0f * ht_transform[leg].ab.beta;
-    first->b.x = 3.0f * ht_transform[leg].xy.x;
-    first->b.y = 3.0f * ht_transform[leg].xy.y;
+    first->a.alpha = 3.0f * column->ab.alpha;
+    first->a.beta = 3.0f * column->ab.beta;
+    first->b.x = 3.0f * column->xy.x;
+    first->b.y = 3.0f * column->xy.y;
     second->a.alpha = -first->a.beta;
     second->a.beta = first->a.alpha;
     second->b.x = -sign * first->b.y;
@@ -50,12 +51,12 @@ static void axes_of(unsigned leg, bool set, ht_lost_legs *lost)
     lost->of_set2 = (leg & 1u) != 0u;
 }
 
-uint16_t ht_lost_legs_paired(uint16_t legs)
+uint16_t ht_lost_legs_paired(ht_winding winding, uint16_t legs)
 {
     static const uint16_t pairs[3] = {U1_V2, U2_W1, W2_V1};
     unsigned word = legs;
     uint16_t result = legs;
-    if ((word & (word - 1u)) == 0u) {
+    if ((winding == HT_WINDING_30) && ((word & (word - 1u)) == 0u)) {
         int n;
         for (n = 0; n < 3; n++) {
             if ((word & pairs[n]) != 0u) {
@@ -66,9 +67,11 @@ uint16_t ht_lost_legs_paired(uint16_t legs)
     return result;
 }
 
-uint16_t ht_lost_legs_of(uint16_t legs, ht_lost_legs *lost)
+uint16_t ht_lost_legs_of(ht_winding winding, uint16_t legs, ht_lost_legs *lost)
 {
     unsigned off = legs;
+    bool pair = (off == U1_V2) || (off == U2_W1) || (off == W2_V1);
+    lost->winding = winding;
     lost->axes = 0u;
     lost->of_set2 = false;
     lost->set = false;
@@ -78,7 +81,7 @@ uint16_t ht_lost_legs_of(uint16_t legs, ht_lost_legs *lost)
     axes_of(ht_first_leg[off], false, lost);
     if ((off & (off - 1u)) == 0u) {
         lost->axes = 1u;
-    } else if ((off == U1_V2) || (off == U2_W1) || (off == W2_V1)) {
+    } else if (pair && (winding == HT_WINDING_30)) {
         lost->axes = 2u;
     } else if (((off & HT_SET2) == 0u) || ((off & HT_SET1) == 0u)) {
         /* Two legs of a set: the third one has no return path. */

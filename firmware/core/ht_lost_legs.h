@@ -1,8 +1,8 @@
 /** @file ht_lost_legs.h
  *  What is different while legs are off and the drive goes on. Then every law commands a voltage.
  *
- *  Leg k lies at theta_k in alpha-beta and at 5 theta_k in x-y. Let a and b be the unit vectors of
- *  these directions. No current flows in the leg: a.i_ab + b.i_xy = 0. The voltage of its terminal
+ *  Leg k lies at theta_k in alpha-beta and in a direction of its own in x-y, at 5 theta_k where the
+ *  sets are 30 degrees apart. Let a and b be the unit vectors of these directions. No current flows in the leg: a.i_ab + b.i_xy = 0. The voltage of its terminal
  *  is unknown. It acts along a and along b by the same amount, so
  *
  *    w = a.v_ab - b.v_xy
@@ -13,11 +13,12 @@
  *    w = 2 R a.i + d(a.psi)/dt + L_xy d(a.i)/dt
  *
  *  R is that of the other set than the leg's: along a it carries all of the current. Across these
- *  directions nothing has changed. Such a pair (a, b) is an axis here. One lost leg is
+ *  directions nothing has changed. All this holds in every winding. Such a pair (a, b) is an axis here. One lost leg is
  *  one axis; two legs that are 90 degrees apart, or a whole set, are two. On one axis the x-y
  *  current across b is left to choose. None gives the least copper loss. Minus the current across a
  *  gives the most torque from the rated phase current; then no current flows in the leg that is 90
- *  degrees away, and it may as well be off.
+ *  degrees away, and it may as well be off. Where the sets are 0 or 60 degrees apart, no leg is 90
+ *  degrees away: one at 0 or 180 degrees carries twice the current along a, whatever flows across b.
  */
 #ifndef HT_LOST_LEGS_H
 #define HT_LOST_LEGS_H
@@ -31,6 +32,7 @@ typedef struct {
 } ht_lost_axis;
 
 typedef struct {
+    ht_winding winding;
     uint16_t axes; /**< 0: no leg is lost; 1 or 2 */
     bool set;      /**< a whole set: none of its legs is left */
     bool of_set2;  /**< the leg of the first axis is of set 2 */
@@ -39,14 +41,15 @@ typedef struct {
 
 /** Legs that must be off where those of the state word `legs` are lost: these, or their whole set.
  *  The axes go to `lost`. 0 if no torque worth speaking of is left: other combinations. */
-uint16_t ht_lost_legs_of(uint16_t legs, ht_lost_legs *lost);
+uint16_t ht_lost_legs_of(ht_winding winding, uint16_t legs, ht_lost_legs *lost);
 
 /** What the sets' resistances differ by: that of set 2 is `set2_ohm` above the mean of both. After
  *  ht_lost_legs_of, which assumes none. */
 void ht_lost_legs_differ(ht_lost_legs *lost, float set2_ohm);
 
-/** The legs of the state word `legs`, and, if it is a single one, the leg that is 90 degrees away. */
-uint16_t ht_lost_legs_paired(uint16_t legs);
+/** The legs of the state word `legs`, and, if it is a single one, the leg that is 90 degrees away, if
+ *  there is one. */
+uint16_t ht_lost_legs_paired(ht_winding winding, uint16_t legs);
 
 /** Voltage that really acts. `v_V`: mean of a period as the pattern makes it, with any voltage of the
  *  lost legs; `from` and `to`: x-y currents at the period's ends. These show the voltage along b,

@@ -1,10 +1,11 @@
 #include "ht_modulator.h"
 
-#include "ht_vsd.h"
+#include "ht_winding.h"
 
 #include <math.h>
 
 #define COS_30 0.866025404f
+#define COS_15 0.965925826f
 /* The carriers go back in phase below this share of the voltage from which they turn, squared. */
 #define TURN_HOLD2 0.9025f
 
@@ -14,6 +15,17 @@ void ht_modulator_centre(ht_modulator_config *cfg, bool turned)
     cfg->kappa_from_pu = 0.0f;
     cfg->turn_pu = turned ? 0.0f : HT_NEVER_PU;
     cfg->alternate = false;
+}
+
+void ht_modulator_wind(ht_modulator_config *cfg, ht_winding winding)
+{
+    cfg->winding = winding;
+    cfg->opposite_from = (winding == HT_WINDING_60) ? -HT_NEVER_PU : 0.0f;
+    if (winding != HT_WINDING_30) {
+        cfg->turn_pu = (winding == HT_WINDING_60) ? 0.0f : HT_NEVER_PU;
+        cfg->alternate = false;
+        cfg->kappa_from_pu *= COS_15; /* what ht_modulator_legs leaves of alpha-beta */
+    }
 }
 
 bool ht_modulator_check(const ht_modulator_config *cfg)
@@ -84,14 +96,16 @@ static float fitting_share(three_phase without, three_phase with)
 }
 
 /* A set does not fit: less of x and y. */
-static void fit(ht_vsd *v)
+static void fit(ht_vsd *v, ht_winding winding)
 {
     ht_vsd without = {{0.0f, 0.0f}, {0.0f, 0.0f}};
+    ht_vsd with = ht_of_legs(winding, *v);
     float share;
     float other;
     without.ab = v->ab;
-    share = fitting_share(set1_of(&without), set1_of(v));
-    other = fitting_share(set2_of(&without), set2_of(v));
+    without = ht_of_legs(winding, without);
+    share = fitting_share(set1_of(&without), set1_of(&with));
+    other = fitting_share(set2_of(&without), set2_of(&with));
     share = (other < share) ? other : share;
     v->xy.x *= share;
     v->xy.y *= share;
@@ -242,6 +256,22 @@ static HT_INTO_CALLERS both_sets sets_of(const ht_vsd *v)
     return s;
 }
 
+static HT_INTO_CALLERS bool both_fit(const both_sets *s)
+{
+    return (s->first.range <= 1.0f) && (s->second.range <= 1.0f); /* NaN does not */
+}
+
+HT_SELDOM ht_vsd ht_modulator_legs(ht_winding winding, ht_vsd *v_pu)
+{
+    ht_vsd legs_pu = ht_of_legs(winding, *v_pu);
+    both_sets set = sets_of(&legs_pu);
+    if (!both_fit(&set)) {
+        fit(v_pu, winding);
+        legs_pu = ht_of_legs(winding, *v_pu);
+    }
+    return legs_pu;
+}
+
 /* Shares of the clamped zero sequences of both sets. */
 typedef struct {
     float one;
@@ -322,11 +352,11 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     unsigned rises;
     uint16_t leg;
 
-    if (!((set.first.range <= 1.0f) && (set.second.range <= 1.0f))) {
-        fit(v_pu);
+    if (!both_fit(&set) && (cfg->winding == HT_WINDING_30)) {
+        fit(v_pu, HT_WINDING_30);
         set = sets_of(v_pu);
     }
-    st->opposite = (size2 > turn2) && (v3.alpha * v3.beta > 0.0f);
+    st->opposite = (size2 > turn2) && (v3.alpha * v3.beta > cfg->opposite_from);
     other = falling != st->opposite;
     st->falling = !falling;
 

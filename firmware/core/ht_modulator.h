@@ -13,6 +13,11 @@
  *  Turn: in every second 30 degrees of the voltage's direction the carrier of set 2 runs
  *  opposite to the carrier of set 1. The sets' ripples then cancel each other in alpha-beta,
  *  where they would add.
+ *
+ *  Sets that are 0 or 60 degrees apart make the same voltage if nothing of it is in x-y. At 0 degrees
+ *  they then have the same commands, and their carriers run together; at 60 degrees the commands of
+ *  set 2 are those of set 1 with the other sign, and its carrier runs opposite. Either way both sets
+ *  switch at the same instants, and no ripple is in x-y.
  */
 #ifndef HT_MODULATOR_H
 #define HT_MODULATOR_H
@@ -30,6 +35,10 @@ typedef struct {
                           *   0: `kappa` counts at every voltage */
     float turn_pu;       /**< set 2's carrier turns where the voltage exceeds this; units of Vdc */
     bool alternate; /**< clamped legs alternate between the rails by 15 degrees of the voltage */
+    ht_winding winding;
+    /** Set 2's carrier turns where alpha times beta of the voltage's cube exceeds this: 0, in every
+     *  second 30 degrees; -HT_NEVER_PU, everywhere. */
+    float opposite_from;
 } ht_modulator_config;
 
 typedef struct {
@@ -45,6 +54,10 @@ typedef struct {
     uint16_t before;         /**< state word at the end of the period before */
 } ht_modulator_input;
 
+/** What keeps both sets alike in a winding whose sets are 0 or 60 degrees apart: set 2's carrier never
+ *  or always turned, and the same clamped leg. 30 degrees: as configured before. */
+void ht_modulator_wind(ht_modulator_config *cfg, ht_winding winding);
+
 /** Centred zero sequences; set 2's carrier turns in every second sector, or never. */
 void ht_modulator_centre(ht_modulator_config *cfg, bool turned);
 
@@ -53,6 +66,10 @@ bool ht_modulator_check(const ht_modulator_config *cfg);
 
 /** First period of set 1 rising, carriers in phase. */
 void ht_modulator_reset(ht_modulator_state *st);
+
+/** For a winding whose sets are not 30 degrees apart: what ht_modulator_step must be told to make `v_pu`.
+ *  Where the legs of a set do not fit, x and y give way in `v_pu`. */
+ht_vsd ht_modulator_legs(ht_winding winding, ht_vsd *v_pu);
 
 /** One period's pattern for the voltage `v_pu`, units of Vdc. Where the legs of a set do not
  *  fit between the rails, x and y give way first, in `v_pu` too; then the legs are limited. A leg

@@ -314,7 +314,7 @@ static ht_vsd leg_by_leg(const ht_applied *a, const ht_toggles *toggles, const h
             over_legs |= bit;
             over->shift[leg] = rest;
         }
-        add(&v, &ht_transform[leg], -lost);
+        add(&v, &ht_transform[HT_WINDING_30][leg], -lost);
         todo = without_first(todo);
     }
     over->legs = (uint16_t)over_legs;

@@ -7,7 +7,9 @@
 /* Parts of the vectors in x-y, units of Vdc. What is longest in alpha-beta is shortest here. */
 #define XY_LARGE_PU 0.172546f
 #define XY_MEDIUM_PU 0.471405f
-#define XY_SMALL_PU HT_LONGEST_PU
+#define XY_SMALL_PU LONGEST_PU
+#define LONGEST_PU 0.643951f
+#define LONGEST_ALIKE_PU 0.666667f
 
 static const ht_scheme_info table[HT_SCHEMES] = {
 #define HT_SCHEME(id, name, law, vectors, group, regulated, levels, reach) \
@@ -43,8 +45,22 @@ float ht_scheme_xy_limit_pu(const ht_scheme_info *row)
     return row->regulated ? ht_tmvcl_pu[row->group] : 0.0f;
 }
 
-float ht_scheme_xy_step_pu(const ht_scheme_info *row)
+bool ht_scheme_drives(const ht_scheme_info *row, ht_winding winding)
 {
+    return (winding == HT_WINDING_30) || (row->vectors == HT_VECTORS_SINGLE)
+           || (row->vectors == HT_VECTORS_MODULATED) || (row->vectors == HT_VECTORS_CENTRED);
+}
+
+float ht_longest_pu(ht_winding winding)
+{
+    return (winding == HT_WINDING_30) ? LONGEST_PU : LONGEST_ALIKE_PU;
+}
+
+float ht_scheme_xy_step_pu(const ht_scheme_info *row, ht_winding winding)
+{
+    if (winding != HT_WINDING_30) {
+        return 0.0f;
+    }
     switch (row->vectors) {
     case HT_VECTORS_SINGLE:
         return XY_LARGE_PU;

@@ -58,12 +58,20 @@ bool ht_scheme_regulates_xy(const ht_scheme_info *row);
  *  ratios the scheme's regulator sets; 0 for a scheme without a regulator. */
 float ht_scheme_xy_limit_pu(const ht_scheme_info *row);
 
-/** Length of the longest voltage vector, units of Vdc: (2/3) cos 15 degrees. */
-#define HT_LONGEST_PU 0.643951f
+/** True if the scheme can drive a machine with this winding. Where the sets are 0 or 60 degrees apart,
+ *  the large vectors have no x-y voltage. So no choice or mixture of them can set one, and set 2's
+ *  carrier may not turn. */
+bool ht_scheme_drives(const ht_scheme_info *row, ht_winding winding);
+
+/** Length of the longest voltage vector, units of Vdc: (2/3) cos 15 degrees, or 2/3. */
+float ht_longest_pu(ht_winding winding);
+
+/** Largest circle of mean voltage where both sets make the same: (2/3) cos 30 degrees. */
+#define HT_REACH_ALIKE_PU 0.577350f
 
 /** Largest change of the x-y flux by the vectors of one period, units of Vdc Ts. Of several in a
  *  period the mean is zero, and in between they reach a third. A command that is beyond what the
- *  modulator can make loses this mean. */
-float ht_scheme_xy_step_pu(const ht_scheme_info *row);
+ *  modulator can make loses this mean. There is none where both sets make the same voltage. */
+float ht_scheme_xy_step_pu(const ht_scheme_info *row, ht_winding winding);
 
 #endif

@@ -4,11 +4,14 @@
 
 #define TAN_15 0.267949192f
 #define TAN_75 3.73205081f
+#define COS_15 0.965925826f
+#define SIN_15 0.258819045f
 
 /* Directions relative to the sector, [table][torque up][flux up]. */
-static const uint16_t offset[2][2][2] = {
+static const uint16_t offset[3][2][2] = {
     {{7u, 10u}, {4u, 1u}}, /* 45/135 */
     {{8u, 9u}, {3u, 2u}},  /* 75/105 */
+    {{8u, 10u}, {4u, 2u}}, /* 60/120 */
 };
 
 unsigned ht_sector(ht_ab v)
@@ -27,17 +30,25 @@ unsigned ht_sector(ht_ab v)
     return (v.alpha < 0.0f) ? (6u - q) : q;
 }
 
+unsigned ht_sector_of_six(ht_ab v)
+{
+    ht_ab ahead; /* by 15 degrees */
+    ahead.alpha = COS_15 * v.alpha - SIN_15 * v.beta;
+    ahead.beta = COS_15 * v.beta + SIN_15 * v.alpha;
+    return ht_sector(ahead);
+}
+
 unsigned ht_direction(ht_table table, unsigned sector, bool torque_up, bool flux_up)
 {
-    unsigned k = sector
-                 + offset[(table == HT_TABLE_75_105) ? 1 : 0][torque_up ? 1 : 0][flux_up ? 1 : 0];
+    unsigned k = sector + offset[table][torque_up ? 1 : 0][flux_up ? 1 : 0];
     return (k < HT_SECTORS) ? k : (k - HT_SECTORS);
 }
 
-unsigned ht_direction_along(unsigned sector, bool ahead)
+unsigned ht_direction_along(ht_table table, unsigned sector, bool ahead)
 {
     if (ahead) {
-        return sector;
+        unsigned k = sector + ((table == HT_TABLE_60_120) ? 1u : 0u);
+        return (k < HT_SECTORS) ? k : 0u;
     }
     return (sector == 0u) ? (HT_SECTORS - 1u) : (sector - 1u);
 }

@@ -3,6 +3,7 @@
 #include "ht_comparator.h"
 #include "ht_limited.h"
 #include "ht_vectors.h"
+#include "ht_winding.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -10,7 +11,7 @@
 /* Length of the voltage without legs, relative to the group's vectors. Large: Vdc/2. Five legs make
  * this in most directions; in their worst they make a fifth less. Medium-large: the length of a
  * virtual vector. Small: the whole length. */
-static const float without_legs[HT_GROUPS] = {0.776457f, 0.928203f, 1.0f};
+static const float without_legs[HT_GROUPS] = {0.776457f, 0.928203f, 1.0f, 0.75f, 0.75f};
 
 /* Reach of the table 45/135, relative to 75/105. To hold the flux, the vectors before and behind
  * it take turns. Their mean lies on the chord between them, which is cos 45 degrees of their
@@ -35,6 +36,10 @@ void ht_table_law_configure(ht_table_law_config *cfg, const ht_law_setting *give
         cfg->torque_levels = asked;
     }
     cfg->table = (ht_table)(uint16_t)given->table;
+    if (given->machine->winding != HT_WINDING_30) {
+        cfg->table = HT_TABLE_60_120;
+        cfg->group = (uint16_t)ht_large_of(given->machine->winding);
+    }
     cfg->hold_on_zero = given->zero_hold != 0.0f;
     cfg->flux_band_Wb = given->flux_band_Wb;
     cfg->torque_band_Nm = given->torque_band_Nm;
@@ -55,8 +60,12 @@ bool ht_table_law_check(const ht_table_law_config *cfg)
 {
     uint16_t levels = cfg->torque_levels;
     bool limited = (cfg->xy_limit_pu > 0.0f) && (cfg->xy_limit_pu < 1.0f); /* NaN is not */
+    bool six = cfg->table == HT_TABLE_60_120;
     return ((unsigned)cfg->vectors <= (unsigned)HT_VECTORS_VIRTUAL)
-           && (cfg->group < (uint16_t)HT_GROUPS) && ((unsigned)cfg->table <= 1u)
+           && (cfg->group < (uint16_t)HT_GROUPS)
+           && ((unsigned)cfg->table <= (unsigned)HT_TABLE_60_120)
+           && (six == (cfg->group >= (uint16_t)HT_L0))
+           && (!six || (cfg->vectors == HT_VECTORS_SINGLE))
            && ((levels == 2u) || (levels == 3u) || (levels == 5u)) && (limited || !cfg->regulated);
 }
 
@@ -156,7 +165,8 @@ static HT_INTO_CALLERS unsigned decide(const ht_table_law_config *cfg, ht_table_
      * that can last until the machine is lost. Then: along the flux, 15 degrees to the side the
      * torque wants. */
     if ((cfg->flux_hold > 0.0f) && (psi_Wb < (1.0f - cfg->flux_hold) * in->flux_ref_Wb)) {
-        return ht_direction_along(in->sector, in->torque_ref_Nm > in->decided->torque_Nm);
+        return ht_direction_along(cfg->table, in->sector,
+                                  in->torque_ref_Nm > in->decided->torque_Nm);
     }
     return HT_DIRECTIONS;
 }

@@ -60,4 +60,9 @@ typedef struct {
     float p[HT_LEGS];
 } ht_six;
 
+/** What set 2 lies ahead of set 1 by: values of the parameter `displacement_deg`. */
+typedef enum { HT_WINDING_30 = 0, HT_WINDING_0 = 1, HT_WINDING_60 = 2 } ht_winding;
+
+#define HT_WINDINGS 3u
+
 #endif

@@ -16,17 +16,20 @@ import sys
 from pathlib import Path
 
 PHASES_DEG = (0, 30, 120, 150, 240, 270)  # u1 u2 w1 w2 v1 v2
+DISPLACEMENTS_DEG = (30, 0, 60)  # of set 2, in the order of ht_winding
 OUTPUT = Path(__file__).resolve().parent.parent / "core" / "ht_tables.c"
 
 
-def transform_columns() -> list[tuple[float, float, float, float]]:
-    """Columns of T (4 x 6), one per phase: (alpha, beta, x, y)."""
+def transform_columns(displacement_deg: int = 30) -> list[tuple[float, float, float, float]]:
+    """Columns of T (4 x 6), one per phase: (alpha, beta, x, y). x - j y is half the difference of
+    the sets' vectors, so a phase of set 2 has -alpha, beta there; with 30 degrees these are cosine
+    and sine of five times its angle."""
     columns = []
-    for deg in PHASES_DEG:
-        th = math.radians(deg)
-        columns.append(
-            tuple(f / 3 for f in (math.cos(th), math.sin(th), math.cos(5 * th), math.sin(5 * th)))
-        )
+    for leg, deg in enumerate(PHASES_DEG):
+        set2 = leg % 2
+        th = math.radians(deg + set2 * (displacement_deg - PHASES_DEG[1]))
+        alpha, beta = math.cos(th) / 3, math.sin(th) / 3
+        columns.append((alpha, beta, -alpha if set2 else alpha, beta if set2 else -beta))
     return columns
 
 
@@ -58,6 +61,26 @@ def groups() -> dict[str, list[int]]:
         if -1 in words:
             raise ValueError(f"group {name} is incomplete: {words}")
     return found
+
+
+def alike(displacement_deg: int) -> list[int]:
+    """State words with which both sets make the same voltage, for sets that are 0 or 60 degrees
+    apart: the large vectors, at 60 n degrees. Each stands twice, for k = 2 n and 2 n + 1."""
+    words = []
+    for n in range(6):
+        word = 0
+        for leg in range(6):
+            deg = 120 * (leg // 2) + displacement_deg * (leg % 2)
+            if math.cos(math.radians(60 * n - deg)) > 0:
+                word |= 32 >> leg
+        words += [word, word]
+    return words
+
+
+def set2_turn(displacement_deg: int) -> tuple[float, float]:
+    """Cosine and sine of what set 2 lies ahead of its place in PHASES_DEG."""
+    turn = math.radians(displacement_deg - PHASES_DEG[1])
+    return math.cos(turn), math.sin(turn)
 
 
 def nearest_zero(word: int) -> int:
@@ -113,17 +136,21 @@ def render() -> str:
         " * Do not edit: change the generator and run it again. */",
         '#include "ht_tables.h"',
         "",
-        "const ht_vsd ht_transform[HT_LEGS] = {",
+        "const ht_vsd ht_transform[HT_WINDINGS][HT_LEGS] = {",
     ]
     vsd = "    {{{{{0}, {1}}}, {{{2}, {3}}}}},{4}"
-    for deg, column in zip(PHASES_DEG, transform_columns()):
-        out.append(vsd.format(*(num(c) for c in column), f" /* {deg} deg */"))
+    for displacement in DISPLACEMENTS_DEG:
+        out.append(f"    {{ /* {displacement} deg */")
+        out += ["    " + vsd.format(*map(num, c), "") for c in transform_columns(displacement)]
+        out.append("    },")
     out += ["};", "", "const ht_vsd ht_vector[64] = {"]
     for word in range(64):
         out.append(vsd.format(*(num(c) for c in vector(word)), f" /* {word:2d} {word:06b} */"))
     out += ["};", "", "const uint16_t ht_group[HT_GROUPS][HT_DIRECTIONS] = {"]
     for name in ("L", "ML", "S"):
         out.append("    {" + ", ".join(map(str, group[name])) + f"}}, /* {name} */")
+    for deg in DISPLACEMENTS_DEG[1:]:
+        out.append("    {" + ", ".join(map(str, alike(deg))) + f"}}, /* L{deg} */")
     out += ["};", "", "const uint16_t ht_nearest_zero[64] = {"]
     for row in range(0, 64, 16):
         out.append("    " + ", ".join(str(nearest_zero(w)) for w in range(row, row + 16)) + ",")
@@ -137,6 +164,10 @@ def render() -> str:
         out.append("    },")
     limits = ", ".join(num(tmvcl(duty[name])) for name in ("L", "ML"))
     out += ["};", "", f"const float ht_tmvcl_pu[2] = {{{limits}}};", ""]
+    out += ["const ht_ab ht_set2_turn[HT_WINDINGS] = {"]
+    for deg in DISPLACEMENTS_DEG:
+        out.append("    {" + ", ".join(map(num, set2_turn(deg))) + f"}}, /* {deg} deg */")
+    out += ["};", ""]
     return "\n".join(out)
 
 

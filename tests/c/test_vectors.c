@@ -132,6 +132,7 @@ static void configure(ht_control_config *cfg, ht_scheme scheme, ht_table table)
 static void decide(ht_scheme scheme, ht_table table, unsigned sector, int level, int flux_up,
                    float xy_deg, uint16_t s[3])
 {
+    const ht_vsd *columns = ht_transform[HT_WINDING_30];
     ht_control_config cfg;
     ht_control_state st;
     ht_control_input in;
@@ -146,8 +147,7 @@ static void decide(ht_scheme scheme, ht_table table, unsigned sector, int level,
         size = 1.0f;
     }
     for (leg = 0; leg < HT_LEGS; leg++) { /* currents that make up the x-y flux */
-        in.i_A.p[leg] = 3.0f * (ht_transform[leg].xy.x * x + ht_transform[leg].xy.y * y)
-                        / cfg.observer.lxy_H;
+        in.i_A.p[leg] = 3.0f * (columns[leg].xy.x * x + columns[leg].xy.y * y) / cfg.observer.lxy_H;
     }
     in.vdc_V = 0.0f;
     in.torque_ref_Nm = (level > 0) ? size : -size;

@@ -14,11 +14,23 @@ ht_vsd ht_vsd_from_six(const ht_six *s)
     return v;
 }
 
+ht_vsd ht_vsd_turned(ht_winding winding, ht_vsd v)
+{
+    MUST((unsigned)winding < HT_WINDINGS);
+    (void)v;
+    return ht_vsd_from_six(0);
+}
+
 unsigned ht_sector(ht_ab v)
 {
     unsigned sector = nondet_uint16();
     GIVEN(HT_IS_SECTOR(sector));
     return sector;
+}
+
+unsigned ht_sector_of_six(ht_ab v)
+{
+    return ht_sector(v);
 }
 
 static ht_flow any_flow(void)
@@ -139,7 +151,7 @@ ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *
     return ht_vsd_from_six(0);
 }
 
-uint16_t ht_lost_legs_of(uint16_t legs, ht_lost_legs *lost)
+uint16_t ht_lost_legs_of(ht_winding winding, uint16_t legs, ht_lost_legs *lost)
 {
     lost->axes = nondet_uint16();
     return nondet_uint16();
@@ -179,6 +191,11 @@ void ht_vectors_virtual(unsigned group, unsigned k, uint16_t s[3])
 {
     MUST((group < (unsigned)HT_GROUPS) && HT_IS_SECTOR(k));
     any_words(s);
+}
+
+void ht_vectors_alike(unsigned group, unsigned k, uint16_t s[3])
+{
+    ht_vectors_virtual(group, k, s);
 }
 
 void ht_vectors_zero(uint16_t before, bool only_v0, uint16_t s[3])
@@ -263,6 +280,13 @@ static void any_masks(ht_applied *a)
     a->own = nondet_uint16();
 }
 
+ht_vsd ht_modulator_legs(ht_winding winding, ht_vsd *v_pu)
+{
+    MUST(((unsigned)winding < HT_WINDINGS) && (winding != HT_WINDING_30));
+    *v_pu = ht_vsd_from_six(0);
+    return ht_vsd_from_six(0);
+}
+
 void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, ht_vsd *v_pu,
                        const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
                        ht_toggles *toggles)
@@ -320,8 +344,10 @@ static bool is_same_pattern(const ht_applied *a, const ht_applied *b)
 
 /* What the observation leaves, as prove_control_observe shows it. */
 static void promise_observe(const ht_control_config *cfg, ht_control_state *st,
-                            const ht_control_input *in, ht_vsd i, bool lost, bool magnets)
+                            const ht_control_input *in, ht_vsd i, bool lost, bool magnets,
+                            ht_winding winding)
 {
+    MUST((unsigned)winding < HT_WINDINGS);
     MUST(is_state(cfg, st));
     MUST(!(lost && magnets));
     if (cfg->shadow) {
@@ -341,6 +367,8 @@ static void promise_observe(const ht_control_config *cfg, ht_control_state *st,
 /* What ht_control_check accepts, and any state in range. */
 static void any_step(ht_control_config *cfg, ht_control_state *st, ht_control_input *in)
 {
+    cfg->observer.winding = (ht_winding)nondet_uint16();
+    GIVEN((unsigned)cfg->observer.winding < HT_WINDINGS);
     cfg->predict = nondet_bool();
     cfg->needs_xy = nondet_bool();
     cfg->only_v0 = nondet_bool();
@@ -392,7 +420,8 @@ void prove_control_observe(void)
     any_step(&cfg, &st, &in);
     active = st.active;
     next = st.next;
-    observe(&cfg, &st, &in, ht_vsd_from_six(&in.i_A), st.lost.axes != 0u, nondet_bool());
+    observe(&cfg, &st, &in, ht_vsd_from_six(&in.i_A), st.lost.axes != 0u, nondet_bool(),
+            cfg.observer.winding);
     MUST(is_state(&cfg, &st));
     MUST(is_same_pattern(&st.active, cfg.shadow ? &next : &active));
     MUST(is_same_pattern(&st.next, &next));
@@ -410,6 +439,7 @@ static void step_of(ht_law law, bool shadow, bool lost)
     cfg.law = law;
     cfg.shadow = shadow;
     cfg.observer.magnets = false;
+    cfg.special = nondet_bool();
     any_step(&cfg, &st, &in);
     GIVEN(leg < 6u);
     if (lost) {

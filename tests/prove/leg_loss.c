@@ -1,6 +1,7 @@
 #include "ht_contracts.h"
 #include "ht_leg_loss.c"
 #include "ht_tables.c"
+#include "ht_vsd.c"
 #include "prove.h"
 
 #include <stddef.h>
@@ -46,6 +47,8 @@ void prove_leg_loss(void)
     ht_six end_A = any_six();
     uint16_t leg = nondet_uint16();
     int n;
+    cfg.winding = (ht_winding)nondet_uint16();
+    GIVEN((unsigned)cfg.winding < HT_WINDINGS);
     cfg.least_V2 = nondet_float();
     cfg.gain = nondet_float();
     cfg.l_per_ts_ohm = nondet_float();

@@ -1,5 +1,6 @@
 #include "ht_contracts.h"
 #include "ht_modulator.c"
+#include "ht_tables.c"
 #include "ht_vsd.c"
 #include "prove.h"
 
@@ -72,6 +73,9 @@ static void any_modulator_config(ht_modulator_config *cfg)
     cfg->kappa_from_pu = nondet_float();
     cfg->turn_pu = nondet_float();
     cfg->alternate = nondet_bool();
+    cfg->opposite_from = nondet_float();
+    cfg->winding = (ht_winding)nondet_uint16();
+    GIVEN((unsigned)cfg->winding < HT_WINDINGS);
 }
 
 void prove_modulator_check(void)

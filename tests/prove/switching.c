@@ -36,9 +36,30 @@ void prove_direction(void)
     ahead = (k + 12u - sector) % 12u;
     MUST((ahead < 6u) == torque_up);
     MUST(((ahead < 3u) || (ahead >= 9u)) == flux_up);
-    k = ht_direction_along(sector, torque_up);
+    k = ht_direction_along(table, sector, torque_up);
     MUST(HT_IS_SECTOR(k));
     MUST(((k + 12u - sector) % 12u) == (torque_up ? 0u : 11u));
+}
+
+/* Six vectors, entries 2 n and 2 n + 1 at 60 n degrees; sector s from 30 s - 30 to 30 s degrees. In units
+ * of 30 degrees the vector is ahead of the whole sector by `ahead` to `ahead` + 1. */
+void prove_direction_of_six(void)
+{
+    unsigned sector = nondet_uint16();
+    bool torque_up = nondet_bool();
+    bool flux_up = nondet_bool();
+    unsigned k;
+    unsigned ahead;
+    GIVEN(HT_IS_SECTOR(sector));
+    k = ht_direction(HT_TABLE_60_120, sector, torque_up, flux_up);
+    MUST(HT_IS_SECTOR(k));
+    ahead = ((k & ~1u) + 12u - sector) % 12u;
+    MUST((ahead < 6u) == torque_up);
+    MUST(((ahead < 3u) || (ahead >= 9u)) == flux_up);
+    k = ht_direction_along(HT_TABLE_60_120, sector, torque_up);
+    MUST(HT_IS_SECTOR(k));
+    ahead = ((k & ~1u) + 12u - sector) % 12u;
+    MUST(torque_up ? (ahead < 2u) : (ahead >= 10u));
 }
 
 static unsigned transitions(unsigned from, unsigned to)

@@ -27,7 +27,7 @@ static void any_law_config(ht_table_law_config *c)
     c->vectors = (ht_vectors)nondet_uint16();
     c->group = nondet_uint16();
     c->regulated = nondet_bool();
-    c->table = nondet_bool() ? HT_TABLE_45_135 : HT_TABLE_75_105;
+    c->table = (ht_table)nondet_uint16();
     c->torque_levels = nondet_uint16();
     c->flux_band_Wb = nondet_float();
     c->torque_band_Nm = nondet_float();
@@ -47,6 +47,7 @@ void prove_table_law(void)
     ht_vector_law_input in;
     ht_estimate decided;
     ht_xy psi_xy = any_xy();
+    ht_xy emf = any_xy();
     ht_xy v = any_xy();
     ht_action_points p;
     uint16_t s[3];
@@ -67,6 +68,7 @@ void prove_table_law(void)
     decided.torque_Nm = nondet_float();
     in.decided = &decided;
     in.psi_xy_Wb = &psi_xy;
+    in.emf_pu = nondet_bool() ? &emf : NULL;
     in.i_xy_A = any_xy();
     in.torque_ref_Nm = nondet_float();
     in.flux_ref_Wb = nondet_float();

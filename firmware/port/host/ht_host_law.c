@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "ht_limited.h"
-#include "ht_vsd.h"
+#include "ht_winding.h"
 
 #define PI_F 3.14159265f
 #define LEG_U1 0x20u /* bit of leg 0 in a state word */
@@ -16,7 +16,7 @@ static void look(ht_host_law *h)
     const ht_observer_config *machine = &d->config->control.observer;
     const float *v = d->config->params.v;
     ht_host_law_seen *seen = &h->seen;
-    ht_vsd i = ht_vsd_from_six(&d->in.i_A);
+    ht_vsd i = ht_of_winding(machine->winding, ht_vsd_from_six(&d->in.i_A));
     seen->psi_Wb = c->decided.psi_Wb;
     seen->rotor_Wb = ht_observer_predict_rotor(machine, &c->observer, c->estimate.psi_Wb, i.ab);
     seen->i_A.alpha = machine->inv_sigma_ls * (seen->psi_Wb.alpha - seen->rotor_Wb.alpha);

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..plant.edges import Edges
-from ..plant.vsd import PHASES, TRANSFORM
+from ..plant.vsd import PHASES, transform
 from ..recording.recording import Recording
 from .losses import balance, bridge, copper_loss_W
 from .spectrum import BANDS_HZ, channel, fundamental_Hz, harmonics, thd_inf_pct, thd_pct
@@ -26,7 +26,8 @@ def i_xy_A(rec: Recording) -> tuple[np.ndarray, np.ndarray]:
     if "plant.i_x_A" in rec and "plant.i_y_A" in rec:
         return channel(rec, "i_x_A"), channel(rec, "i_y_A")
     phases_A = np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
-    x, y = TRANSFORM[2:] @ phases_A
+    controller = rec.meta.get("parameters", {}).get("controller", {})
+    x, y = transform(float(controller.get("displacement_deg", 30)))[2:] @ phases_A
     return x, y
 
 

@@ -106,6 +106,12 @@ def _check_machine(drive: DriveVerbs) -> None:
             "current would turn one with magnets; give its values in [machine]"
         )
 
+    if "displacement_deg" in drive.params and drive.get("displacement_deg") != "30":
+        raise CommissioningError(
+            f"displacement_deg = {drive.get('displacement_deg')}: these steps measure a winding "
+            "whose sets are 30 degrees apart"
+        )
+
 
 def _check_limits(drive: DriveVerbs, limits: Limits) -> None:
     trip_A = float(drive.get("i_trip_A"))

@@ -52,6 +52,7 @@ def inverter(setup: Setup, leads: Sequence[int], machine: np.record) -> np.recor
     made = inverter_record(
         leads,
         range_A=setup["sensors.i_full_A"],
+        displacement_deg=setup.machine_values()["displacement_deg"],
         **{name: setup[f"inverter.{name}"] for name in (*DROPS, "arc_V", "restrike_V_per_ms")},
     )
     if made.devices.drops and longest_step_s(made, machine) < SHORTEST_STEP_S:

@@ -6,7 +6,7 @@ import numpy as np
 
 from .. import firmware
 from ..plant.loop import PLANT_CHANNELS
-from ..plant.vsd import INVERSE, PHASES
+from ..plant.vsd import PHASES, inverse
 from ..recording.channels import Channels, Held, Later, Product, RowOf
 
 NOTHING = np.empty((0, 0), np.float32)
@@ -51,8 +51,9 @@ class Samples:
     """The plant's true values, so many samples a control period, and the firmware's channels once a
     period."""
 
-    def __init__(self, per_period: int) -> None:
+    def __init__(self, per_period: int, displacement_deg: float) -> None:
         self.per_period = per_period
+        self._phases = inverse(displacement_deg).astype(np.float32)
         self.plant = Rows(len(PLANT_CHANNELS))
         self.channels = Rows(len(firmware.channels()))
 
@@ -71,7 +72,7 @@ class Samples:
         samples = len(plant)
         units: dict[str, str] = {}
         data: dict[str, Later] = {}
-        phases = Product(INVERSE.astype(np.float32), plant[:, :4])
+        phases = Product(self._phases, plant[:, :4])
         for row, phase in enumerate(PHASES):
             data[f"plant.i_{phase}_A"] = RowOf(0, samples, phases, row)
             units[f"plant.i_{phase}_A"] = "A"

@@ -11,7 +11,8 @@ import numpy as np
 
 from ..chips import BOARDS
 from ..firmware import FAULTS, PHASE_LOST, Snapshot, board_of, ffi, lib, parameters
-from ..plant.vsd import PHASES, TRANSFORM
+from ..plant.machines import DISPLACEMENTS_DEG
+from ..plant.vsd import PHASES, transform
 
 #: A parameter's value by name.
 Get = Callable[[str], float]
@@ -45,11 +46,21 @@ def details(snapshot: Snapshot, get: Get) -> tuple[str, ...]:
 
 
 def _magnets(get: Get) -> bool:
-    """Whether the rotor has magnets. Boards of earlier versions do not say."""
+    """Whether the rotor has magnets."""
+    return bool(_told(get, "machine"))
+
+
+def _told(get: Get, name: str) -> float:
+    """A parameter that boards of earlier versions do not have: 0 there."""
     try:
-        return bool(get("machine"))
+        return get(name)
     except KeyError:
-        return False
+        return 0.0
+
+
+def _alpha_beta_A(s: Snapshot, get: Get) -> np.ndarray:
+    displacement_deg = DISPLACEMENTS_DEG[int(_told(get, "displacement_deg"))]
+    return transform(displacement_deg)[:2] @ np.array(s["i_A"])
 
 
 def _over_current(s: Snapshot, get: Get) -> str:
@@ -57,7 +68,7 @@ def _over_current(s: Snapshot, get: Get) -> str:
     value_A, limit_A = s["i_A"][largest], get("i_trip_A")
     if not abs(value_A) < limit_A:
         return f"phase {PHASES[largest]}: {value_A:.4g} A, i_trip_A = {limit_A:g} A"
-    size_A = float(np.hypot(*(TRANSFORM[:2] @ np.array(s["i_A"]))))
+    size_A = float(np.hypot(*_alpha_beta_A(s, get)))
     return f"current in alpha-beta: {size_A:.4g} A, i_ab_trip_A = {get('i_ab_trip_A'):g} A"
 
 
@@ -133,8 +144,7 @@ def off_circle(s: Snapshot, get: Get) -> float:
     for name in ("sigma_ls_H", "lm_H", "lr_H", "flux_ref_Wb"):
         params.v[parameters()[name].id] = get(name)
     lib.ht_port_bind(port, ffi.NULL, board_of(BOARDS[0]))
-    i_A = (TRANSFORM[:2] @ np.array(s["i_A"])).tolist()
-    return lib.ht_off_circle(port, params, s["psi_Wb"], i_A)
+    return lib.ht_off_circle(port, params, s["psi_Wb"], _alpha_beta_A(s, get).tolist())
 
 
 _DETAILS: dict[str, Callable[[Snapshot, Get], str]] = {

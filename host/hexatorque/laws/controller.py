@@ -76,6 +76,8 @@ class LawController(Controller):
             raise LawError(f'law {law.label}: it needs timing.latency = "predicted"')
         if values.get("machine") == "magnet":
             raise LawError(f"law {law.label}: it needs a machine with a winding on its rotor")
+        if values.get("displacement_deg", "30") != "30":
+            raise LawError(f"law {law.label}: it needs sets that are 30 degrees apart")
         super().__init__(device, self._with_base(values))
         self._error: Exception | None = None
         self._law = ffi.new("ht_host_law *")

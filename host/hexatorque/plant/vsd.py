@@ -16,8 +16,6 @@ from __future__ import annotations
 import numpy as np
 
 PHASES = ("u1", "u2", "w1", "w2", "v1", "v2")
-#: Displacements of set 2 that are driven, electrical degrees.
-DISPLACEMENTS_DEG = (30, 0, 60)
 
 
 def angles_rad(displacement_deg: float = 30.0) -> np.ndarray:
@@ -41,5 +39,10 @@ def transform(displacement_deg: float = 30.0) -> np.ndarray:
 ANGLES_RAD = angles_rad()
 TRANSFORM = transform()
 
-#: (6, 4): phase quantities without zero sequence from alpha, beta, x, y.
-INVERSE = 3 * TRANSFORM.T
+
+def inverse(displacement_deg: float = 30.0) -> np.ndarray:
+    """(6, 4): phase quantities without zero sequence from alpha, beta, x, y."""
+    return 3 * transform(displacement_deg).T
+
+
+INVERSE = inverse()

@@ -112,6 +112,7 @@ ALWAYS: dict[str, Rule] = {
     "machine": Rule(
         "the machine's: magnets, or a winding", lambda k: "magnet" if k.magnets else "induction"
     ),
+    "displacement_deg": Rule("the machine's", lambda k: f"{k.machine.displacement_deg:g}"),
     "pole_pairs": Rule("the machine's", lambda k: k.machine.pole_pairs),
     "rs_ohm": Rule(
         "the machine's R_s + mean on-resistance of switch and diode",

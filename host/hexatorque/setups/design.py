@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from ..chips import number_of
-from ..plant.machines import parameters_of
+from ..plant.machines import DISPLACEMENTS_DEG, parameters_of
 from .values import Values
 
 #: Length of the mean vector of three large vectors, and the circle inside the polygon of these
@@ -65,6 +65,11 @@ class Design:
     def machine(self) -> Any:
         """The linear machine at the flux reference."""
         return self.unsaturated if self.magnets else self.unsaturated.linear_at(self.flux_Wb)
+
+    @property
+    def winding(self) -> int:
+        """Number of the winding, the firmware's ht_winding."""
+        return DISPLACEMENTS_DEG.index(int(self.unsaturated.displacement_deg))
 
     @property
     def steady_Wb(self) -> float:
@@ -175,6 +180,14 @@ class Design:
         """Amplitude of the stated rated current, or of that at rated torque."""
         stated = self.setup["rated.current_A"]
         return math.sqrt(2) * stated if stated > 0 else self.current_A(self.rated_Nm)
+
+    def reach_pu(self, of_scheme: float, by_table: bool = False) -> float:
+        """Largest circle of mean voltage of a scheme with `of_scheme` in its row, units of Vdc.
+        by_table: with the switching table in force. Sets that are not 30 degrees apart have a
+        table of their own and the circle of sets that make the same voltage."""
+        if self.winding:
+            return min(of_scheme, REACH_PU)
+        return of_scheme * TABLE_SHARE[self.parameter("table")] if by_table else of_scheme
 
     def base_rpm(self, reach_pu: float = REACH_PU, usable: float = USABLE) -> float:
         """Speed at which the rated torque at the full flux needs all usable voltage. 0 if the

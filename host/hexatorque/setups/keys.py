@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..chips import DEVICES
-from ..plant.machines import MODELS, constants_of
+from ..plant.machines import DISPLACEMENTS_DEG, MODELS, constants_of
 from ..plant.wires import ENCODER_WIRES
 
 #: Where a value comes from.
@@ -92,6 +92,13 @@ KEYS: dict[str, dict[str, Key]] = {
         "cogging_Nm": _n("cogging torque, amplitude", "N m", 0, MOST_NM, 0.0),
         "cogging_per_rev": Key("integer", "its periods in a revolution", "", 1, 10_000, default=36),
         "start_deg": _n("electrical angle of the d axis at the beginning", "deg", -360, 360, 0.0),
+        "displacement_deg": Key(
+            "choice",
+            "what set 2 of the winding lies ahead of set 1 by, electrical",
+            "deg",
+            choices=tuple(map(str, DISPLACEMENTS_DEG)),
+            default=str(DISPLACEMENTS_DEG[0]),
+        ),
         "leads": Key(
             "phases",
             "phase on each leg u1 u2 w1 w2 v1 v2; 1 is u1 ... 6 is v2",

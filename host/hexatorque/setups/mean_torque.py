@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .design import TABLE_SHARE, rad_s
+from .design import rad_s
 
 if TYPE_CHECKING:
     from ..firmware import Controller
@@ -55,7 +55,7 @@ def flux_at_Wb(d: Design, reach_pu: float, speed_rpm: float, torque_Nm: float) -
     turning = d.machine.pole_pairs * rad_s(abs(speed_rpm)) + d.slip_rad_s(torque_Nm)
     if d.parameter("field_weakening") != "on" or turning == 0:
         return d.flux_Wb
-    usable_V = d.parameter("fw_margin") * reach_pu * TABLE_SHARE[d.parameter("table")] * d.vdc_V
+    usable_V = d.parameter("fw_margin") * d.reach_pu(reach_pu, by_table=True) * d.vdc_V
     room_V = max(0.1 * usable_V, usable_V - d.machine.rs_ohm * d.current_A(torque_Nm))
     return min(d.flux_Wb, room_V / turning)
 
@@ -79,10 +79,12 @@ def _followed(
     seen.decided, seen.psi_xy_Wb = decided, psi_xy
     seen.only_v0 = c.drive.config.control.only_v0
     seen.flux_ref_Wb = flux_Wb
+    winding = c.drive.config.control.observer.winding
+    turned = [lib.ht_vsd_turned(winding, v) if winding else v for v in lib.ht_vector]
     vectors = [
-        (vdc_V * complex(v.ab.alpha, v.ab.beta), vdc_V * complex(v.xy.x, v.xy.y))
-        for v in lib.ht_vector
+        (vdc_V * complex(v.ab.alpha, v.ab.beta), vdc_V * complex(v.xy.x, v.xy.y)) for v in turned
     ]
+    sector_of = lib.ht_sector_of_six if winding else lib.ht_sector
 
     kr = m.lm_H / m.lr_H
     gain = 3 * m.pole_pairs
@@ -114,7 +116,7 @@ def _followed(
         decided.torque_Nm = t_Nm
         psi_xy.x, psi_xy.y = xy.real, xy.imag
         seen.i_xy_A.x, seen.i_xy_A.y = xy.real / m.lxy_H, xy.imag / m.lxy_H
-        seen.sector = lib.ht_sector(decided.psi_Wb)
+        seen.sector = sector_of(decided.psi_Wb)
         seen.before = words[2]
         at = lib.ht_table_law_step(law, state, seen, v_xy, words)
         parts = (at.t1, at.t2 - at.t1, 1 - at.t2)

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from .derived import F_ISR_FAST_HZ, WRITTEN_WITHIN, write_delay_us
-from .design import PULL_OUT_SHARE, REACH_PU, TABLE_SHARE, Design, rad_s
+from .design import PULL_OUT_SHARE, REACH_PU, Design, rad_s
 from .estimate import published_kW, usual
 from .keys import KEYS
 from .mean_torque import held
@@ -205,7 +205,7 @@ MOST_RESISTANCE = 0.5
 
 def _believable(d: Design) -> Iterator[Finding]:
     """Numbers that no machine has."""
-    p, m = d.parameter, d.unsaturated
+    m = d.unsaturated
     for side, leakage_H in (("lls_H", m.lls_H), ("llr_H", m.llr_H)):
         yield at_least(
             f"lm_H over {side}", m.lm_H / leakage_H, LEAST_MAIN, "",
@@ -219,10 +219,17 @@ def _believable(d: Design) -> Iterator[Finding]:
         )  # fmt: skip
     if all(m.lm_H >= LEAST_MAIN * leakage_H for leakage_H in (m.lls_H, m.llr_H)):
         yield from _usual(d)
-    yield at_most(
-        "controller.pole_pairs unlike the machine's", abs(p("pole_pairs") - m.pole_pairs), 0, "",
-        "remove controller.pole_pairs",
-    )  # fmt: skip
+    yield from _as_built(d)
+
+
+def _as_built(d: Design) -> Iterator[Finding]:
+    """What no tuning changes: the drive must believe what the machine has."""
+    for name in ("pole_pairs", "displacement_deg"):
+        believed, true = float(d.parameter(name)), getattr(d.unsaturated, name)
+        yield at_most(
+            f"controller.{name} unlike the machine's", abs(believed - true), 0, "",
+            f"remove controller.{name}",
+        )  # fmt: skip
 
 
 #: How much further from the published machines' line than the furthest of them an element is a
@@ -435,10 +442,7 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
         MOST_RESISTANCE, "",
         "no machine has so much: check machine.rs_ohm, rated.current_A and inverter.vdc_V",
     )  # fmt: skip
-    yield at_most(
-        "controller.pole_pairs unlike the machine's", abs(p("pole_pairs") - m.pole_pairs), 0, "",
-        "remove controller.pole_pairs",
-    )  # fmt: skip
+    yield from _as_built(d)
     yield at_most(
         "L_d over L_q", m.ld_H / m.lq_H, 1.0, "",
         "the d axis is the magnets' north pole: are machine.ld_H and machine.lq_H exchanged?",
@@ -526,7 +530,7 @@ def _speed(d: Design) -> Iterator[Finding]:
         "largest load of point and profile", d.asked_Nm, p("torque_limit_Nm"), "N m",
         "raise controller.torque_limit_Nm, or ask for less",
     )  # fmt: skip
-    weak_rpm = d.base_rpm(REACH_PU * TABLE_SHARE[p("table")]) * d.flux_Wb / p("flux_min_Wb")
+    weak_rpm = d.base_rpm(d.reach_pu(REACH_PU, by_table=True)) * d.flux_Wb / p("flux_min_Wb")
     if p("field_weakening") == "on":
         yield at_least(
             "end of field weakening", weak_rpm, d.rated_rpm, "r/min",
@@ -539,17 +543,21 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
 
     p, lib = d.parameter, firmware.lib
     row = lib.ht_scheme_describe(firmware.schemes().index(name))
+    if not lib.ht_scheme_drives(row, d.winding):
+        advice = "this winding's large vectors have no x-y voltage to choose or to regulate by"
+        yield Finding(f"displacement_deg {p('displacement_deg')}", 0.0, "", 0.0, "", "bad", advice)
+        return
     if lib.ht_law_commands_voltage(row.law):
         least_Hz = lib.ht_voltage_law_least_Hz(p("rs_ohm"), d.machine.least_H, p("lxy_H"))
         yield at_least(
             "f_isr_Hz for the machine's time constants", p("f_isr_Hz"), least_Hz, "Hz",
             f"set controller.f_isr_Hz = {math.ceil(least_Hz / 1e4) * 10_000}",
         )  # fmt: skip
-        yield from _reach(d, row, 1.0)
+        yield from _reach(d, row, by_table=False)
         yield from _expected(d, 0.5 * p("f_isr_Hz"))  # a leg toggles once in a period
         return
     single, virtual = row.vectors == lib.HT_VECTORS_SINGLE, row.vectors == lib.HT_VECTORS_VIRTUAL
-    vector_pu = row.reach_pu / COS_15 if single or virtual else _longest_pu()
+    vector_pu = row.reach_pu / COS_15 if virtual else lib.ht_longest_pu(d.winding)
     faster = "raise controller.f_isr_Hz, lower inverter.vdc_V, or add inductance"
     torque_Nm = d.torque_step_Nm(d.period_s, vector_pu)
     yield at_most("torque step of one period", torque_Nm, d.rated_Nm, "N m", faster)
@@ -575,7 +583,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
             "gain of the x-y loop in one period", gain, 0.9, "",
             "lower controller.kp_xy_pu_A: the loop becomes unstable at 1",
         )  # fmt: skip
-    yield from _reach(d, row, TABLE_SHARE[p("table")])
+    yield from _reach(d, row, by_table=True)
     kind = "single" if single else "virtual L" if virtual else "pair"
     if virtual and row.group != lib.HT_L:
         kind = "virtual ML"
@@ -628,16 +636,9 @@ def _xy_A(d: Design, row: Any) -> float:
     """Amplitude of the x-y current that the scheme causes by itself."""
     from ..firmware import lib
 
-    step_A = lib.ht_scheme_xy_step_pu(row) * d.vdc_V * d.period_s / d.machine.lxy_H
-    return _single_xy_A(d, step_A) if row.vectors == lib.HT_VECTORS_SINGLE else step_A
-
-
-def _longest_pu() -> float:
-    """Length of the large vectors, units of Vdc."""
-    from ..firmware import lib
-
-    large = lib.ht_vector[lib.ht_group[lib.HT_L][0]].ab
-    return math.hypot(large.alpha, large.beta)
+    step_A = lib.ht_scheme_xy_step_pu(row, d.winding) * d.vdc_V * d.period_s / d.machine.lxy_H
+    single = row.vectors == lib.HT_VECTORS_SINGLE
+    return _single_xy_A(d, step_A) if single and step_A else step_A
 
 
 def _single_xy_A(d: Design, step_A: float) -> float:
@@ -657,13 +658,13 @@ def _single_xy_A(d: Design, step_A: float) -> float:
     return math.hypot(star_A, XY_PEAK * step_A * math.sqrt(periods / 24))
 
 
-def _reach(d: Design, row: Any, table_share: float) -> Iterator[Finding]:
+def _reach(d: Design, row: Any, by_table: bool) -> Iterator[Finding]:
     """Rated speed against what the scheme's vectors and the table give."""
     p = d.parameter
     more = "raise inverter.vdc_V"
-    if table_share < 1:
+    reach_pu = d.reach_pu(row.reach_pu, by_table)
+    if reach_pu < d.reach_pu(row.reach_pu):
         more += ', or take controller.table = "75/105"'
-    reach_pu = table_share * row.reach_pu
     reach_rpm = d.base_rpm(reach_pu, 1.0)
     if p("field_weakening") != "on":
         yield at_least(REACH, reach_rpm, d.rated_rpm, "r/min", more)

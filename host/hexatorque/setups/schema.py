@@ -113,14 +113,17 @@ EXACTLY = BeforeValidator(_word_or_integer)
 
 def _choice(key: Key) -> Any:
     """A choice by name, in capital or small letters. Where names are numbers, or on and off, the
-    bare number and TOML's booleans are understood as well."""
+    bare number and TOML's booleans are understood as well. If all are, a number becomes the name.
+    """
     numbers = [int(name) for name in key.choices if name.isdecimal()]
     by_name = BeforeValidator(lambda value: given.choice(given.plain(value), key.choices))
     choice: Any = Annotated[Literal[(*key.choices, *numbers)], EXACTLY]
     if set(key.choices) == {"off", "on"}:
         choice = choice | Annotated[bool, Field(strict=True)]
     names = ", ".join(key.choices)
-    return Annotated[choice, by_name, _said(lambda value: f" = {value!r}: choose one of {names}")]
+    named = AfterValidator(str if len(numbers) == len(key.choices) else lambda value: value)
+    why = _said(lambda value: f" = {value!r}: choose one of {names}")
+    return Annotated[choice, by_name, named, why]
 
 
 def _list_given(value: Any) -> Any:

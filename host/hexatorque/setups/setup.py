@@ -137,7 +137,11 @@ class Setup:
         """The parameters of the machine's model, by their keys: numbers, and six numbers each of
         those per phase."""
         values = {key: self[f"machine.{key}"] for key in self._machine_keys() if key != MODEL}
-        return {**values, "leads": tuple(map(int, values["leads"]))}
+        return {
+            **values,
+            "leads": tuple(map(int, values["leads"])),
+            "displacement_deg": float(values["displacement_deg"]),
+        }
 
     def _machine_keys(self) -> list[str]:
         """The keys of [machine] that the machine's model has."""

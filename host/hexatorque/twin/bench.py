@@ -105,6 +105,10 @@ def make(
     loads: Load = NO_LOAD,
     speed_rpm: float | None = None,
 ) -> Bench:
+    if (displacement := setup["machine.displacement_deg"]) != "30":
+        raise RecordingError(
+            f"machine.displacement_deg = {displacement}: a twin is compared where it is 30"
+        )
     outside = _is_outside(rec)
     torque_known, speed_known = (name in rec for name in ("torque_ref_Nm", "speed_rpm"))
     f_isr_Hz, f_slow_Hz = (float(setup.parameter(key)) for key in ("f_isr_Hz", "f_slow_Hz"))

@@ -23,7 +23,7 @@ def derating():
 
 def lost(word):
     axes = ffi.new("ht_lost_legs *")
-    assert lib.ht_lost_legs_of(word, axes)
+    assert lib.ht_lost_legs_of(lib.HT_WINDING_30, word, axes)
     return axes
 
 
@@ -169,7 +169,7 @@ def test_current_without_one_leg(derating, leg, share, expected):
     phases = [(np.exp(-1j * a) * i + np.exp(-5j * a) * xy).real for a in ANGLES_RAD]
     peaks = np.abs(phases).max(axis=1)
     word = 32 >> leg
-    off = lib.ht_lost_legs_paired(word) if share else word
+    off = lib.ht_lost_legs_paired(lib.HT_WINDING_30, word) if share else word
     assert [peak < 1e-9 for peak in peaks] == [bool(off & 32 >> n) for n in range(6)]
     assert 1 / peaks.max() == pytest.approx(expected, rel=1e-3)
     got = lib.ht_derated_A(lost(off), derating.rated_A)

@@ -74,6 +74,14 @@ CASES = {
         {**MAGNET, "scheme": "dtc2", "lxy_H": 5e-4},
         "scheme = dtc2, lxy_H = 0.0005 H: with magnets: one period of this scheme's vectors",
     ),
+    "WINDING": (
+        {"displacement_deg": "60", "scheme": "ddr"},
+        "scheme = ddr, displacement_deg = 60: where the sets are 0 or 60 degrees apart, the large",
+    ),
+    "WINDING_ALIKE": (
+        {"displacement_deg": "0", "scheme": "db-dtfc", "clamp": "alternating"},
+        "carrier_turn = auto, displacement_deg = 0: where the sets are 0 or 60 degrees apart, both",
+    ),
 }
 
 

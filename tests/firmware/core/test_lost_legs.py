@@ -11,19 +11,21 @@ import pytest
 from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
-from hexatorque.plant.vsd import ANGLES_RAD, PHASES, TRANSFORM
+from hexatorque.plant.machines import DISPLACEMENTS_DEG
+from hexatorque.plant.vsd import ANGLES_RAD, PHASES, inverse, transform
 
 R, SIGMA_L, L_XY, TS, VDC = 1.8, 0.025, 0.01, 1e-4, 250.0
 OMEGA, ROTOR_WB = 190.0, 0.55
 STEPS = 200
 L = np.array([SIGMA_L, SIGMA_L, L_XY, L_XY])
-#: Current of each phase from those of the planes.
+#: Current of each phase from those of the planes, for sets 30 degrees apart.
 PHASE = np.column_stack(
     [np.cos(ANGLES_RAD), np.sin(ANGLES_RAD), np.cos(5 * ANGLES_RAD), np.sin(5 * ANGLES_RAD)]
 )
 #: Resistance of set 2 less the mean of both sets.
 DIFFERENCES = (0.0, 0.5, -0.4)
-CARRIED = ("u1", "u2", "w1", "w2", "v1", "v2", "u1+v2", "u2+w1", "w2+v1", "u1+w1+v1", "u2+w2+v2")
+CARRIED = {30: (*PHASES, "u1+v2", "u2+w1", "w2+v1", "u1+w1+v1", "u2+w2+v2")}
+CARRIED |= {deg: (*PHASES, "u1+w1+v1", "u2+w2+v2") for deg in (0, 60)}
 
 
 def word(phases):
@@ -35,7 +37,8 @@ def legs_of(mask):
 
 
 class Circuit:
-    def __init__(self, lost, seed=0, set2_ohm=0.0):
+    def __init__(self, lost, seed=0, set2_ohm=0.0, displacement_deg=30):
+        self.transform, self.phase = transform(displacement_deg), inverse(displacement_deg)
         self.phase_ohm = R + set2_ohm * np.array([-1, 1] * 3)
         self.lost = [PHASES.index(phase) for phase in lost]
         rng = np.random.default_rng(seed)
@@ -47,7 +50,7 @@ class Circuit:
 
     def _free(self):
         """The currents that the remaining phases can carry, as columns."""
-        _, sizes, rows = np.linalg.svd(PHASE[self.lost])
+        _, sizes, rows = np.linalg.svd(self.phase[self.lost])
         return rows[np.sum(sizes > 1e-9) :].T
 
     def _across(self):
@@ -55,22 +58,24 @@ class Circuit:
         if len(self.lost) > 1:
             return np.zeros(4)
         (leg,) = self.lost
-        return np.array([0, 0, -np.sin(5 * ANGLES_RAD[leg]), np.cos(5 * ANGLES_RAD[leg])])
+        return np.array([0, 0, -self.phase[leg, 3], self.phase[leg, 2]])
 
     def rotor(self):
         return ROTOR_WB * np.array([np.cos(self.angle), np.sin(self.angle)])
 
     def _slope(self, i, angle, legs_V):
         induced = OMEGA * ROTOR_WB * np.array([-np.sin(angle), np.cos(angle), 0, 0])
-        drops = TRANSFORM @ (self.phase_ohm * (PHASE @ i))
-        rest = (TRANSFORM @ legs_V - drops - induced) / L
-        column = TRANSFORM[:, self.lost] / L[:, None]
+        drops = self.transform @ (self.phase_ohm * (self.phase @ i))
+        rest = (self.transform @ legs_V - drops - induced) / L
+        column = self.transform[:, self.lost] / L[:, None]
         # Only differences matter where a whole set is lost: the smallest solution.
-        more = np.linalg.lstsq(PHASE[self.lost] @ column, -PHASE[self.lost] @ rest, rcond=None)[0]
+        more = np.linalg.lstsq(
+            self.phase[self.lost] @ column, -self.phase[self.lost] @ rest, rcond=None
+        )[0]
         legs_V = legs_V.copy()
         legs_V[self.lost] += more
         across = self._across()
-        v, extra = TRANSFORM @ legs_V, drops - R * i
+        v, extra = self.transform @ legs_V, drops - R * i
         return rest + column @ more, v - extra + across * (across @ extra)
 
     def period(self, legs_V):
@@ -85,16 +90,17 @@ class Circuit:
             self.i = self.i + dt * slope
             self.angle += dt * OMEGA
             mean += v / STEPS
-        assert np.allclose(PHASE[self.lost] @ self.i, 0.0, atol=1e-9)
+        assert np.allclose(self.phase[self.lost] @ self.i, 0.0, atol=1e-9)
         return mean
 
 
 class Legs:
     """The firmware's side."""
 
-    def __init__(self, lost, set2_ohm=0.0):
+    def __init__(self, lost, set2_ohm=0.0, displacement_deg=30):
         self.lost = unwritten("ht_lost_legs *")
-        assert lib.ht_lost_legs_of(word(lost), self.lost) == word(lost)
+        winding = DISPLACEMENTS_DEG.index(displacement_deg)
+        assert lib.ht_lost_legs_of(winding, word(lost), self.lost) == word(lost)
         if set2_ohm:
             lib.ht_lost_legs_differ(self.lost, set2_ohm)
         m = self.machine = ffi.new("ht_observer_config *")
@@ -132,55 +138,60 @@ def vsd(v):
 
 
 differences = pytest.mark.parametrize("set2_ohm", DIFFERENCES)
-lost_phases = pytest.mark.parametrize("lost", [name.split("+") for name in CARRIED])
+lost_phases = pytest.mark.parametrize(
+    ("displacement_deg", "lost"),
+    [(deg, name.split("+")) for deg, names in CARRIED.items() for name in names],
+)
 
 
 @differences
 @lost_phases
-def test_the_voltage_that_acts_does_not_depend_on_the_lost_legs_command(lost, set2_ohm):
+def test_the_voltage_that_acts_does_not_depend_on_the_lost_legs_command(
+    displacement_deg, lost, set2_ohm
+):
     """It is the one whose flux follows with the mean resistance, as the observer has it."""
-    legs = Legs(lost, set2_ohm)
+    legs = Legs(lost, set2_ohm, displacement_deg)
     for seed in range(5):
         rng = np.random.default_rng(seed)
-        circuit = Circuit(lost, seed, set2_ohm)
+        circuit = Circuit(lost, seed, set2_ohm, displacement_deg)
         command = rng.uniform(0, VDC, 6)
         begin = circuit.i
         true = circuit.period(command)
         for _ in range(3):
             command[circuit.lost] = rng.uniform(0, VDC)
-            seen = legs.voltage(TRANSFORM @ command, begin, circuit.i)
+            seen = legs.voltage(circuit.transform @ command, begin, circuit.i)
             # What is left to choose is not zero at the end of the period.
             np.testing.assert_allclose(seen, true, atol=0.02 + 0.35 * abs(set2_ohm))
 
 
 @differences
 @lost_phases
-def test_the_expected_voltage_comes_about(lost, set2_ohm):
+def test_the_expected_voltage_comes_about(displacement_deg, lost, set2_ohm):
     """Within what the currents change the drop, R Ts/sigma L_s of the voltage."""
-    legs = Legs(lost, set2_ohm)
+    legs = Legs(lost, set2_ohm, displacement_deg)
     for seed in range(5):
-        circuit = Circuit(lost, seed, set2_ohm)
+        circuit = Circuit(lost, seed, set2_ohm, displacement_deg)
         command = np.random.default_rng(seed).uniform(0, VDC, 6)
-        expected = legs.expected(TRANSFORM @ command, circuit.i, circuit.rotor())
+        expected = legs.expected(circuit.transform @ command, circuit.i, circuit.rotor())
         true = circuit.period(command)[:2]
         np.testing.assert_allclose(expected, true, atol=0.01 * VDC)
 
 
 @differences
 @lost_phases
-def test_the_remaining_legs_make_the_voltage_that_a_law_asks_for(lost, set2_ohm):
-    legs = Legs(lost, set2_ohm)
+def test_the_remaining_legs_make_the_voltage_that_a_law_asks_for(displacement_deg, lost, set2_ohm):
+    legs = Legs(lost, set2_ohm, displacement_deg)
     for seed in range(8):
         rng = np.random.default_rng(seed)
-        circuit = Circuit(lost, seed, set2_ohm)
+        circuit = Circuit(lost, seed, set2_ohm, displacement_deg)
         induced = OMEGA / VDC * np.array([[0, -1], [1, 0]]) @ circuit.rotor()
         asked = np.concatenate([induced + rng.uniform(-0.05, 0.05, 2), rng.uniform(-0.05, 0.05, 2)])
         v_pu = legs.command(asked, circuit.i, circuit.rotor())
-        made = VDC * PHASE @ v_pu
+        made = VDC * circuit.phase @ v_pu
         true = circuit.period(made)
         np.testing.assert_allclose(true[:2] / VDC, asked[:2], atol=0.01)
         if len(lost) == 1:
-            across = np.array([-np.sin(5 * ANGLES_RAD), np.cos(5 * ANGLES_RAD)])[:, circuit.lost[0]]
+            across = circuit._across()[2:]
             np.testing.assert_allclose(across @ v_pu[2:], across @ asked[2:], atol=1e-6)
         for leg in (0, 1):  # each set fits between the rails
             phases = made[leg::2] / VDC
@@ -224,11 +235,11 @@ def test_a_law_that_asks_for_too_much_leaves_no_room_to_move_the_terminal(phase)
         assert (abs((PHASE @ v_pu)[others].sum()) > 1e-3) == moved
 
 
-def largest_share(mask):
+def largest_share(mask, phase=PHASE):
     """Amplitude in alpha-beta over that of the most loaded phase: by search over all currents
     that the remaining phases can carry with a turning current in alpha-beta."""
     lost = legs_of(mask)
-    _, sizes, rows = np.linalg.svd(PHASE[lost])
+    _, sizes, rows = np.linalg.svd(phase[lost])
     free = rows[np.sum(sizes > 1e-9) :].T
     if np.linalg.matrix_rank(free[:2], 1e-9) < 2:
         return 0.0
@@ -240,37 +251,37 @@ def largest_share(mask):
     grid = np.linspace(-1.2, 1.2, 121) if null.shape[1] else [0.0]
     for c, d in itertools.product(grid, grid):
         z = particular + (null @ [[c, d]] if null.shape[1] else 0.0)
-        best = max(best, 1 / np.linalg.norm(PHASE @ free @ z, axis=1).max())
+        best = max(best, 1 / np.linalg.norm(phase @ free @ z, axis=1).max())
     return best
 
 
 def test_the_leg_90_degrees_away():
     for leg, angle in enumerate(ANGLES_RAD):
-        paired = legs_of(lib.ht_lost_legs_paired(32 >> leg))
+        paired = legs_of(lib.ht_lost_legs_paired(lib.HT_WINDING_30, 32 >> leg))
         (other,) = set(paired) - {leg}
         assert abs(np.cos(angle - ANGLES_RAD[other])) < 1e-9
-    assert [lib.ht_lost_legs_paired(n) for n in (0, 33, 0x2A)] == [0, 33, 0x2A]
+    assert [lib.ht_lost_legs_paired(lib.HT_WINDING_30, n) for n in (0, 33, 0x2A)] == [0, 33, 0x2A]
 
 
 def test_which_losses_can_be_carried():
     """All 63: those of one leg, and of more where half of the rated current is left."""
     for mask in range(1, 64):
         lost = unwritten("ht_lost_legs *")
-        off = lib.ht_lost_legs_of(mask, lost)
+        off = lib.ht_lost_legs_of(lib.HT_WINDING_30, mask, lost)
         phases = legs_of(mask)
         alone = [s for s in (0, 1) if sum(leg % 2 == s for leg in phases) >= 2]
         closed = mask | sum(32 >> leg for leg in range(6) if leg % 2 in alone)
         share = largest_share(closed) if len(phases) > 1 else 0.577
         assert off == (closed if share > 0.4 else 0), (mask, share)
         assert lost.axes == (0 if off == 0 else 1 if len(phases) == 1 else 2)
-    assert lib.ht_lost_legs_of(0, lost) == 0
-    assert lib.ht_lost_legs_of(64, lost) == 0
+    assert lib.ht_lost_legs_of(lib.HT_WINDING_30, 0, lost) == 0
+    assert lib.ht_lost_legs_of(lib.HT_WINDING_30, 64, lost) == 0
 
 
 @pytest.mark.parametrize("phases", (("u1", "u2"), ("u1", "w2"), ("v1", "v2")))
 def test_two_legs_30_or_150_degrees_apart_leave_too_little(phases):
     assert largest_share(word(phases)) == pytest.approx(0.2887, rel=0.001)
-    assert lib.ht_lost_legs_of(word(phases), unwritten("ht_lost_legs *")) == 0
+    assert lib.ht_lost_legs_of(lib.HT_WINDING_30, word(phases), unwritten("ht_lost_legs *")) == 0
 
 
 @pytest.mark.parametrize(
@@ -278,3 +289,21 @@ def test_two_legs_30_or_150_degrees_apart_leave_too_little(phases):
 )
 def test_the_most_current_within_the_rated_one(phases, share):
     assert largest_share(word(phases)) == pytest.approx(share, rel=0.002)
+
+
+@pytest.mark.parametrize("displacement_deg", [0, 60])
+def test_windings_without_a_leg_90_degrees_away(displacement_deg):
+    """One leg leaves half of the rated current, and so does a set. Two legs along one axis leave no
+    turning current. Two others of different sets would leave half; the drive refuses them."""
+    winding, phase = DISPLACEMENTS_DEG.index(displacement_deg), inverse(displacement_deg)
+    lost = unwritten("ht_lost_legs *")
+    for mask in (1, 2, 4, 8, 16, 32, 0x15, 0x2A):
+        assert lib.ht_lost_legs_paired(winding, mask) == mask
+        assert lib.ht_lost_legs_of(winding, mask, lost) == mask
+        assert largest_share(mask, phase) == pytest.approx(0.5, rel=0.002)
+        assert lib.ht_derated_A(lost, 1.0) == pytest.approx(0.5)
+    for one, two in itertools.product((0, 2, 4), (1, 3, 5)):
+        mask = 32 >> one | 32 >> two
+        along = abs(np.dot(phase[one, :2], phase[two, :2])) > 0.99
+        assert largest_share(mask, phase) == pytest.approx(0.0 if along else 0.5, abs=0.001)
+        assert lib.ht_lost_legs_of(winding, mask, lost) == 0

@@ -268,15 +268,17 @@ def test_the_electrical_angle_is_counted_exactly(electrical, moved, pole_pairs, 
     assert found == (electrical % counts + moved * pole_pairs) % counts
 
 
-def aligned(known, path, counts=8192, pole_pairs=3, ticks=1000, electrical=0):
-    """`path(tick, direction in degrees)`: electrical degrees of the shaft from its beginning."""
+def aligned(known, path, counts=8192, pole_pairs=3, ticks=1000, electrical=0, first=1):
+    """`path(tick, direction in degrees)`: electrical degrees of the shaft from its beginning.
+    Direction 0 lies at 15 degrees, or with `first` 0 at 0."""
     cfg, state = ffi.new("ht_alignment_config *"), ffi.new("ht_alignment_state *")
     cfg.known, cfg.ticks, cfg.counts_rev, cfg.pole_pairs = known, ticks, counts, pole_pairs
+    cfg.first = first
     state.electrical = electrical
     lib.ht_alignment_begin(cfg, state)
     at = 0
     for tick in range(1, 8 * ticks):
-        to = round(path(tick, 15 + 30 * state.direction) / 360 / pole_pairs * counts)
+        to = round(path(tick, 15 * first + 30 * state.direction) / 360 / pole_pairs * counts)
         state.electrical = lib.ht_electrical(state.electrical, to - at, pole_pairs, counts)
         at = to
         result = lib.ht_alignment_step(cfg, state, tick)
@@ -286,10 +288,13 @@ def aligned(known, path, counts=8192, pole_pairs=3, ticks=1000, electrical=0):
 
 
 @pytest.mark.parametrize("at_first", [0, 100, -170])
-def test_alignment_ends_at_fifteen_degrees(at_first):
-    result, degrees, tick = aligned(False, lambda t, to: to - at_first if t > 50 else 0)
+@pytest.mark.parametrize("first", [0, 1])
+def test_alignment_ends_in_the_first_direction(at_first, first):
+    result, degrees, tick = aligned(
+        False, lambda t, to: to - at_first if t > 50 else 0, first=first
+    )
     assert result == lib.HT_ALIGNED and tick == 1000
-    assert degrees == pytest.approx(15, abs=0.2)
+    assert degrees == pytest.approx(15 * first, abs=0.2)
 
 
 @pytest.mark.parametrize(
@@ -313,9 +318,10 @@ def test_a_shaft_that_swings_is_waited_for():
 
 
 @pytest.mark.parametrize("error, result", [(0, 1), (10, 1), (60, 2), (180, 2), (-90, 2)])
-def test_a_known_angle_is_checked(error, result):
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_known_angle_is_checked(error, result, first):
     """The rotor goes where the current pulls it; from an angle that is wrong it goes too far."""
     true = 200.0
     electrical = round((true + error) % 360 / 360 * 8192)
-    found, _, _ = aligned(True, lambda t, to: to - true, electrical=electrical)
+    found, _, _ = aligned(True, lambda t, to: to - true, electrical=electrical, first=first)
     assert found == result

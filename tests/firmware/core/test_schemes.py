@@ -96,7 +96,7 @@ def test_xy_limit_is_that_of_the_regulated_group():
 @pytest.mark.parametrize("name", NAMES)
 def test_xy_step_is_what_the_vectors_of_a_period_move_the_flux_by(name):
     row = ROWS[name]
-    step_pu = lib.ht_scheme_xy_step_pu(row)
+    step_pu = lib.ht_scheme_xy_step_pu(row, lib.HT_WINDING_30)
     parts = {g: np.abs(group(radius)[1]).max() for g, radius in RADIUS.items()}
     parts["S"] = np.abs(group(2 / 3 * np.cos(np.deg2rad(75)))[1]).max()
     used = {
@@ -115,9 +115,7 @@ def test_xy_step_is_what_the_vectors_of_a_period_move_the_flux_by(name):
 
 
 def test_the_longest_vector_is_the_large_one():
-    from hexatorque.setups.review import _longest_pu
-
-    assert _longest_pu() == pytest.approx(RADIUS["L"], abs=1e-6)
+    assert lib.ht_longest_pu(lib.HT_WINDING_30) == pytest.approx(RADIUS["L"], abs=1e-6)
 
 
 def test_numbers_are_those_of_the_parameter():

@@ -92,7 +92,7 @@ def test_direction_along_the_flux_is_the_nearest_on_the_torques_side(s):
     """It is the direction nearest to the flux on the side of the torque."""
     psi = np.exp(1j * np.deg2rad(30 * s))
     for ahead in (False, True):
-        k = lib.ht_direction_along(s, ahead)
+        k = lib.ht_direction_along(lib.HT_TABLE_75_105, s, ahead)
         assert 0 <= k <= 11
         effect = np.conj(psi) * np.exp(1j * np.deg2rad(15 + 30 * k))
         assert np.rad2deg(np.angle(effect)) == pytest.approx(15 if ahead else -15, abs=1e-9)

@@ -55,7 +55,7 @@ def duty_solution(group, k):
 
 
 def test_transform_follows_from_the_phase_angles():
-    got = np.array([row(lib.ht_transform[leg]) for leg in range(6)]).T
+    got = np.array([row(lib.ht_transform[lib.HT_WINDING_30][leg]) for leg in range(6)]).T
     np.testing.assert_allclose(got, T, atol=3e-8)
     np.testing.assert_allclose(got @ got.T, np.eye(4) / 3, atol=1e-7)
 

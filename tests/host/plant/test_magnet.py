@@ -14,9 +14,9 @@ from hexatorque.plant import machine as contract
 from hexatorque.plant.inverter import inverter_record
 from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.load import load_record
+from hexatorque.plant.machines import DISPLACEMENTS_DEG
 from hexatorque.plant.machines.magnet import initial, make
 from hexatorque.plant.machines.magnet_parameters import ORDERS, Parameters
-from hexatorque.plant.vsd import DISPLACEMENTS_DEG
 
 #: Interior magnets: Eldeeb et al., PEDS 2017, Table I; harmonics, cogging and asymmetry are ours.
 #: Surface magnets: the bench of Hu, Zhu, Liu, IEEE JESTPE 2(2), 2014.

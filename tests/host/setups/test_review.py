@@ -27,6 +27,10 @@ def verdicts(setup, **changes):
         ({"machine__rs_ohm": 150.0}, "rs_ohm times rated current over the voltage"),
         ({"machine__rr_ohm": 150.0}, "rr_ohm times rated current over the voltage"),
         ({"controller__pole_pairs": 3}, "controller.pole_pairs unlike the machine's"),
+        (
+            {"machine__displacement_deg": 60, "controller__displacement_deg": 30},
+            "controller.displacement_deg unlike the machine's",
+        ),
         ({"sensors__adc_bits": 6}, "step of the current's converter"),
         ({"sensors__encoder_ppr": 1}, "torque of one step of the measured speed"),
         ({"machine__rr_ohm": 0.004}, "flux build-up"),

@@ -24,7 +24,8 @@ def test_the_simulation_runs_with_them(name, changes):
     known = constants_of(setup["machine.model"])
     changes = {k: v for k, v in changes.items() if k[:9] != "machine__" or k[9:] in known}
     if firmware.needs_prediction(setup["controller.scheme"]):
-        setup = setup.changed(controller__scheme="ddr")
+        apart_deg = setup.machine_values()["displacement_deg"]
+        setup = setup.changed(controller__scheme="ddr" if apart_deg == 30 else "dtc1")
     setup = setup.changed(**changes)
     values = setups.parameters(setup)
     sim = SimulatedDrive(setup)

@@ -35,8 +35,9 @@ IMAGE = Path("firmware/port/mps2/count")
 TIMEOUT_S = 300
 
 
-#: A drive that starts without u1.
+#: A drive that starts without u1, of a winding whose set 2 the firmware turns.
 WITHOUT_A_LEG = {
+    "machine__displacement_deg": 60,
     "controller__lost_legs": 32, "controller__ride_through": "least-loss",
     "controller__i_rated_A": 5.0,
 }  # fmt: skip

@@ -165,7 +165,11 @@ def _told(sim: SimulatedDrive) -> str:
 def _go_on(result: Result, sim: SimulatedDrive, progress: Progress | None) -> None:
     case = result.case
     lost = 32 >> PHASES.index(case.phase)
-    allowed = firmware.lib.ht_lost_legs_paired(lost) if case.mode == "most-torque" else lost
+    allowed = (
+        firmware.lib.ht_lost_legs_paired(firmware.lib.HT_WINDING_30, lost)
+        if case.mode == "most-torque"
+        else lost
+    )
     begin_s = sim.time_s
     while sim.state == firmware.RUN and sim.time_s - begin_s < SETTLE_S:
         sim.run(0.005, record=False, progress=progress)

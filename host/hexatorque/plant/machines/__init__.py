@@ -14,6 +14,10 @@ MODELS = {
     "magnet": ("magnet", "magnet_parameters"),
 }
 
+#: Displacements of set 2 that are driven, electrical degrees, in the order of the firmware's
+#: ht_winding.
+DISPLACEMENTS_DEG = (30, 0, 60)
+
 
 def model(name: str) -> ModuleType:
     return import_module(f".{MODELS[name][0]}", __name__)

@@ -39,7 +39,7 @@ class Law:
         config, state = self._config, ffi.new("ht_control_state *")
         # Columns of T, times 3, give the phase currents of an x-y current.
         i_xy = psi_xy / config.observer.lxy_H
-        columns = [c.xy for c in lib.ht_transform]
+        columns = [c.xy for c in lib.ht_transform[lib.HT_WINDING_30]]
         i_A = {"p": [3 * (c.x * i_xy.real + c.y * i_xy.imag) for c in columns]}
         lib.ht_control_reset(config, state, [i_A])
         psi = PSI_WB * np.exp(1j * np.deg2rad(30 * sector))

@@ -1,0 +1,152 @@
+"""Drives of windings whose sets are 0 or 60 degrees apart, against the true plant: no current in
+x-y, operating points, lost phases, alignment, and what is refused.
+"""
+
+import numpy as np
+import pytest
+
+from hexatorque import setups
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.errors import InputError
+from hexatorque.plant.vsd import PHASES
+from hexatorque.setups import parameters
+from hexatorque.setups.design import Design
+
+#: A machine of each kind, both windings, each law.
+DRIVES = [
+    ("symmetrical", 60, "db-dtfc"),
+    ("symmetrical", 0, "foc"),
+    ("symmetrical", 60, "dtc1"),
+    ("magnet-surface", 60, "foc"),
+    ("magnet-interior", 0, "db-dtfc"),
+    ("magnet-surface", 0, "dtc1"),
+]
+SAMPLES = 4
+#: Phase current at rated torque, r.m.s.
+RATED_A = 2.3
+
+
+def begun(name, displacement_deg, scheme, **more):
+    """The drive as it runs after its start, and its design."""
+    setup = setups.load(name).with_scheme(
+        scheme, machine__displacement_deg=displacement_deg, **more
+    )
+    drive = SimulatedDrive(setup, SAMPLES)
+    drive.start()
+    while drive.time_s < 5 and drive.state in ("calibrate", "build"):
+        drive.run(0.1, record=False)
+    return drive, Design(setup, parameters(setup).__getitem__)
+
+
+def at(drive, design, speed_pu, load_pu):
+    """Bring the drive to a point, and record it."""
+    drive.set("speed_ref_rpm", speed_pu * design.rated_rpm)
+    drive.run(0.6, record=False)
+    for share in np.linspace(0.1, 1, 10):
+        drive.set("load_Nm", share * load_pu * design.rated_Nm)
+        drive.run(0.1, record=False)
+    drive.run(0.7, record=False)
+    drive.discard()
+    drive.run(0.2)
+    return drive.take()
+
+
+@pytest.mark.parametrize("name, displacement_deg, scheme", DRIVES)
+def test_no_current_in_xy_and_the_torque_is_known(name, displacement_deg, scheme):
+    """3, 30 and 90 % of rated speed, both signs of torque. The x-y current stays below 0.02 of the
+    rated amplitude. Estimated torque within 2 % of rated torque, speed within 0.5 %."""
+    drive, design = begun(name, displacement_deg, scheme)
+    for speed_pu, load_pu in ((0.03, 1), (0.3, -1), (0.9, 0.9), (-0.9, 0.4)):
+        rec = at(drive, design, speed_pu, load_pu)
+        assert drive.state == "run", (drive.trip, speed_pu)
+        xy_A = np.hypot(rec["plant.i_x_A"], rec["plant.i_y_A"])
+        assert np.sqrt(np.mean(xy_A**2)) < 0.02 * design.rated_A, (speed_pu, load_pu)
+        true, seen = rec["plant.torque_Nm"].mean(), rec["torque_Nm"].mean()
+        assert abs(seen - true) < 0.02 * design.rated_Nm, (speed_pu, load_pu, true, seen)
+        off = rec["plant.speed_rpm"].mean() - speed_pu * design.rated_rpm
+        assert abs(off) < 0.005 * design.rated_rpm
+    assert drive.gate_mistake == ""
+
+
+@pytest.mark.parametrize(
+    "name, displacement_deg, scheme",
+    [("symmetrical", 0, "db-dtfc"), ("symmetrical", 60, "dtc1"), ("magnet-surface", 60, "foc")],
+)
+@pytest.mark.parametrize("phase", PHASES)
+def test_a_phase_that_opens_is_named(name, displacement_deg, scheme, phase):
+    """Two phases each share an axis in x-y. Their currents tell them apart."""
+    drive, design = begun(name, displacement_deg, scheme)
+    at(drive, design, 0.3, 0.5)
+    drive.break_leg(phase, "open")
+    drive.run(0.03, record=False)
+    assert drive.faults == ["phase lost"] and f"phase {phase} lost" in str(drive.trip)
+
+
+@pytest.mark.parametrize(
+    "displacement_deg, scheme, mode",
+    [(0, "db-dtfc", "least-loss"), (60, "foc", "most-torque"), (60, "dtc1", "least-loss")],
+)
+@pytest.mark.parametrize("phase", ["u1", "w2"])
+def test_the_drive_goes_on_without_a_leg(displacement_deg, scheme, mode, phase):
+    """Speed and torque estimate hold. The leg along the same axis carries the rated current: the
+    flux is lowered to what makes the most torque of it."""
+    drive, design = begun(
+        "symmetrical", displacement_deg, scheme,
+        controller__ride_through=mode, controller__i_rated_A=RATED_A,
+    )  # fmt: skip
+    at(drive, design, 0.3, 0.25)
+    drive.break_leg(phase, "open")
+    drive.run(1.5, record=False)
+    assert drive.state == "run", drive.trip
+    drive.discard()
+    drive.run(0.3)
+    rec = drive.take()
+    assert int(drive.controller.channel("warnings")) & 63 == 32 >> PHASES.index(phase)
+    assert abs(rec[f"plant.i_{phase}_A"]).max() < 0.01
+    assert rec["plant.speed_rpm"].mean() == pytest.approx(0.3 * design.rated_rpm, rel=0.01)
+    true, seen = rec["plant.torque_Nm"].mean(), rec["torque_Nm"].mean()
+    assert abs(seen - true) < 0.03 * design.rated_Nm
+    largest_A = max(np.sqrt(np.mean(rec[f"plant.i_{one}_A"] ** 2)) for one in PHASES)
+    assert 0.9 * RATED_A < largest_A < 1.1 * RATED_A
+
+
+@pytest.mark.parametrize("start", ["align", "known"])
+@pytest.mark.parametrize("start_deg", [-170.0, 100.0])
+def test_magnets_are_aligned_along_30_degrees_and_their_multiples(start, start_deg):
+    drive, _ = begun(
+        "magnet-surface", 60, "foc", machine__start_deg=start_deg,
+        controller__rotor_start=start, controller__rotor_zero_deg=start_deg,
+    )  # fmt: skip
+    assert drive.state == "run", drive.trip
+    true = start_deg + np.degrees(drive.plant_state[7] * drive.machine.pole_pairs)
+    believed = 360 * drive.controller.drive.rotor.electrical / drive.get("encoder_counts_rev")
+    assert abs((true - believed + 180) % 360 - 180) < 2
+
+
+@pytest.mark.parametrize(
+    "change, told",
+    [
+        ({"machine.displacement_deg": 45}, "displacement_deg = 45: choose one of 30, 0, 60"),
+        ({"controller.scheme": "ddr"}, "scheme = ddr, displacement_deg = 60: where the sets are"),
+        ({"controller.clamp": "alternating"}, "both must switch alike"),
+        (
+            {
+                "controller.lost_legs": 33, "controller.ride_through": "least-loss",
+                "controller.i_rated_A": RATED_A,
+            },
+            "lost_legs = 33",
+        ),
+    ],
+)  # fmt: skip
+def test_what_the_winding_forbids_is_refused_in_a_line(change, told):
+    with pytest.raises(InputError) as error:
+        setups.load("symmetrical").changed(change)
+    assert told in str(error.value) and "\n" not in str(error.value)
+
+
+def test_only_schemes_that_drive_the_winding_are_ready():
+    from hexatorque import firmware
+    from hexatorque.setups.review import ready_of, review
+
+    findings = review(setups.load("symmetrical"), firmware.schemes())
+    assert ready_of(findings, firmware.schemes()) == ["dtc1", "db-dtfc", "foc"]
