@@ -4,7 +4,8 @@ Both are in Python, with three phases and an induction machine. Neither has six-
 switching tables, so this says what a simulated second costs where, not which is better at the same
 task. All sample at 10 kHz. Speed is simulated seconds per second of processor time, the best of
 several runs, in turns. The others have an environment of their own, for they need libraries that
-this package does not.
+this package does not. The last two lines are environments for learning agents, both with six phases
+and a torque to follow, a step for each period.
 
     tools/bench_peers.py build/peers/bin/python
 """
@@ -15,6 +16,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from typing import Any
 
 REPEATS = 3
 PERIOD_S = 100e-6
@@ -25,6 +27,8 @@ WHAT = {
     "own": "hexatorque: six phases, ddr, exact edges and dead time, the firmware's C code",
     "motulator": "motulator: three phases, current-vector control, switching-level carrier PWM",
     "gem": "gym-electric-motor: three phases, a switching state held for a period, no control",
+    "own_gym": "hexatorque.gym: Switching-v0, exact edges, dead time, the firmware's protections",
+    "gem_gym": "gym-electric-motor: Finite-TC-SIXPMSM-v0 at 24 V",
 }
 
 
@@ -80,6 +84,36 @@ def gem() -> Callable[[], float]:
     return run
 
 
+def own_gym() -> Callable[[], float]:
+    import gymnasium
+
+    import hexatorque.gym
+
+    environment = gymnasium.make(
+        hexatorque.gym.IDS["switching"], setup="paper-b", disable_env_checker=True
+    )
+    return lambda: agent(environment, lambda period: period % 64)
+
+
+def gem_gym() -> Callable[[], float]:
+    import gym_electric_motor
+
+    environment = gym_electric_motor.make(
+        "Finite-TC-SIXPMSM-v0", tau=PERIOD_S, supply={"u_nominal": 24.0}
+    )
+    return lambda: agent(environment, lambda period: (period % 8, period // 8 % 8))
+
+
+def agent(environment: Any, action: Callable[[int], Any]) -> float:
+    """Steps of an agent that goes through all states, whatever it sees."""
+    environment.reset(seed=1)
+    for period in range(round(PEERS_S / PERIOD_S)):
+        _, _, terminated, truncated, _ = environment.step(action(period))
+        if terminated or truncated:
+            environment.reset()
+    return PEERS_S
+
+
 def serve(name: str) -> None:
     """Run once for each line that comes, and answer with the speed."""
     run = globals()[name]()
@@ -93,12 +127,13 @@ def serve(name: str) -> None:
 def main(peers: str) -> None:
     workers = {
         name: subprocess.Popen(
-            [sys.executable if name == "own" else peers, "-W", "ignore", __file__, "--serve", name],
+            [python, "-W", "ignore", __file__, "--serve", name],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
         )
         for name in WHAT
+        for python in [sys.executable if name.startswith("own") else peers]
     }
 
     def answer(name: str) -> str:

@@ -22,7 +22,9 @@ REASONS = {
     "registered by its decorator, which is how it is found": {
         "list_parameters", "_", "_saturates",
     },
-    "the tool takes it by the name of the program that it measures": {"motulator", "gem"},
+    "the tool takes it by the name of the program that it measures": {
+        "motulator", "gem", "own_gym", "gem_gym",
+    },
     "pyserial reads it": {"write_timeout"},
     "the C reads it": {
         "memory_size", "wrong_locks", "wrong_percent", "never_locks", "no_crystal",
