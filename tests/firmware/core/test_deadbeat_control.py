@@ -188,3 +188,27 @@ def test_the_law_begins_with_its_state_reset():
     assert not any(bytes(ffi.buffer(ffi.addressof(control.state.deadbeat_law))))
     assert not control.state.modulator.falling
     assert control.state.next.own == own != 0  # what is in the registers stays
+
+
+def test_the_aligning_current_is_above_its_limit_by_one_period_at_most():
+    """A machine at standstill whose current a period moves by more than half of the limit, by its
+    voltage equation. The sample at a period's start does not show what this period adds, so two
+    periods that add follow each other only if nothing is left between their samples."""
+    ld_H, r_ohm, limit_A = 1.7e-3, 1.0, 14.0
+    cfg = config(period=PERIOD, build_current_A=limit_A)
+    control, current, most_A = Control(cfg), 0j, 0.0
+    shown = ffi.new("ht_control_input *")
+    applied, largest_V, added = np.full(6, 0.5), 0.0, 0
+    for _ in range(200):
+        shown.i_A.p = list((current * np.exp(-1j * THETA)).real)
+        shown.vdc_V = VDC
+        lib.ht_control_align(cfg, control.state, shown, 0, control.out)
+        volts = VDC * complex(*(T[:2] @ applied))  # decided a period ago: shadow load
+        current += TS * (volts - r_ohm * current) / ld_H
+        applied = control.shares()
+        largest_V, added = max(largest_V, abs(volts)), added + (abs(volts) > 1)
+        most_A = max(most_A, abs(current))
+    step_A = TS * largest_V / ld_H
+    assert step_A > 0.5 * limit_A and added > 10
+    assert limit_A < most_A < limit_A + step_A
+    assert abs(np.angle(current * np.exp(-1j * np.deg2rad(15)))) < 0.02
