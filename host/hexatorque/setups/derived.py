@@ -390,7 +390,9 @@ COUNTS_SLOW_S = number_of("app/ht_configure.h", "HT_COUNTS_SLOW_S")
 #: Of rated current, the least that aligns.
 LEAST_ALIGN = 0.2
 #: Of the current that turns the q axis to it, the largest step of one period.
-ALIGN_STEP = 0.25
+ALIGN_STEP = 0.35
+#: The firmware takes no less (ht_params.def).
+LEAST_FLUX_WB = 0.0005
 #: True inertia over the stated one, at least.
 LEAST_INERTIA = 0.6
 #: Distance of the speed trip from the speed at which the magnets would drive current by themselves.
@@ -452,8 +454,8 @@ def _magnet_speed_trip_rpm(k: Known) -> float:
 OPEN_MAGNET: dict[str, Rule] = {
     "flux_ref_Wb": Rule("flux of the torque limit with its least current", _flux_of_limit_Wb),
     "flux_min_Wb": Rule(
-        "20 % of the smaller of psi_f and flux_ref_Wb",
-        lambda k: 0.2 * min(k.machine.psi_f_Wb, k.flux_Wb),
+        "20 % of the smaller of psi_f and flux_ref_Wb, 0.5 mWb at least",
+        lambda k: max(LEAST_FLUX_WB, 0.2 * min(k.machine.psi_f_Wb, k.flux_Wb)),
     ),
     "flux_hold": Rule("off: the magnets' flux does not decay", lambda k: 0.0),
     "torque_limit_Nm": Rule(
@@ -473,7 +475,7 @@ OPEN_MAGNET: dict[str, Rule] = {
         _align_A,
     ),
     "f_isr_Hz": Rule(
-        OPEN["f_isr_Hz"].text + "; or if it moves the aligning current by more than a quarter of "
+        OPEN["f_isr_Hz"].text + "; or if it moves the aligning current by more than 35 % of "
         "psi_f/(L_q - L_d)",
         _magnet_f_isr_Hz,
     ),

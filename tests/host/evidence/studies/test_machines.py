@@ -6,7 +6,7 @@ import math
 import pytest
 
 from hexatorque import firmware, setups
-from hexatorque.evidence.studies import machines, plates
+from hexatorque.evidence.studies import machines, magnets, plates
 from hexatorque.plant.machines.induction_parameters import Parameters
 from hexatorque.setups import new, published
 from hexatorque.setups.nameplate import circuit_of
@@ -61,7 +61,7 @@ def test_saturated_it_has_the_circuits_inductance_at_rated_flux():
     assert 1.1 < true.machine["lm_H"] / true.circuit.lm_H < 1.9
 
 
-@pytest.mark.parametrize("way", machines.WAYS)
+@pytest.mark.parametrize("way", [way for way in machines.WAYS if way != magnets.WAY])
 def test_the_drive_knows_what_was_told_and_not_the_machine(way):
     true = machines.truth(3)
     of = machines.told(true, way)
@@ -121,7 +121,7 @@ def test_too_few_are_a_failure(tmp_path):
     lost = {"rows": [*good["rows"], row("plate", True, "tripped")]}
     assert machines.failures(lost) == [
         "plate, as new writes it: 1 of 2, needed are 90 %",
-        "check passes, and it holds: 4 of 5, needed are 98 %",
+        "check passes, and it holds: 5 of 6, needed are 98 %",
     ]
     foreseen = {"rows": [*good["rows"] * 20, row("plate", False, "tripped")]}
     assert machines.failures(foreseen) == []
@@ -140,6 +140,7 @@ def test_too_few_are_a_failure(tmp_path):
 
 def test_the_quick_form_drives_machines_of_every_way_in(monkeypatch):
     monkeypatch.setattr(machines, "QUICK", machines.QUICK[-1:])
+    monkeypatch.setattr(magnets, "QUICK", magnets.QUICK[-1:])
     result = machines.study(quick=True)
     assert [r["way"] for r in result["rows"]] == list(machines.WAYS)
     assert all(r["tried"][r["written"]]["reason"] == "" for r in result["rows"])

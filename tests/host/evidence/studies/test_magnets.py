@@ -1,0 +1,70 @@
+"""Machines with magnets in the study of machines: they lie around those that are built in, what is
+asked of them is what they carry, and the drive knows no more than the data sheet."""
+
+import math
+
+import pytest
+
+from hexatorque import setups
+from hexatorque.evidence.studies import machines, magnets
+from hexatorque.evidence.studies.truths import SCATTER, asked
+from hexatorque.plant.machines.magnet_parameters import Parameters
+from hexatorque.setups.design import REACH_PU, USABLE
+
+
+def of(number):
+    true = magnets.truth(number)
+    return true, Parameters(**true.machine)
+
+
+def test_drawn_machines_keep_the_ratios_of_the_built_in_ones():
+    """L_d i over psi_f does not depend on power, voltage, speed and poles; both values are off by
+    the scatter."""
+    known = {one.name: one for one in magnets.builtin()}
+    errors = []
+    for number in range(magnets.DRAWN):
+        true, drawn = of(number)
+        one = known[true.name.split("like ")[1]]
+        built = Parameters(**one.machine_values())
+        current_A = built.current_A(one["rated.torque_Nm"], built.psi_f_Wb) / math.sqrt(2)
+        ratios = (
+            p.ld_H * i_A / p.psi_f_Wb
+            for p, i_A in ((drawn, true.sheet["current_A"]), (built, current_A))
+        )
+        errors.append(math.log(next(ratios) / next(ratios)))
+        assert drawn.lq_H >= drawn.ld_H and 0.13 < drawn.lxy_H / drawn.ld_H < 0.42
+    spread = math.sqrt(sum(e * e for e in errors) / len(errors))
+    assert spread == pytest.approx(math.sqrt(2) * SCATTER, rel=0.2)
+
+
+@pytest.mark.parametrize("number", [*range(0, magnets.DRAWN, 9), *magnets.numbers(False)[-3:]])
+def test_the_true_machine_carries_its_rated_torque_at_its_rated_speed(number):
+    """The voltage equation in the frame of the rotor, at the currents of the least current."""
+    true, p = of(number)
+    i_d, i_q = p.least_current(true.sheet["torque_Nm"])
+    omega = true.sheet["speed_rpm"] * math.pi / 30 * p.pole_pairs
+    v_d = p.rs_ohm * i_d - omega * p.lq_H * i_q
+    v_q = p.rs_ohm * i_q + omega * (p.psi_f_Wb + p.ld_H * i_d)
+    assert math.hypot(v_d, v_q) == pytest.approx(USABLE * REACH_PU * true.sheet["vdc_V"], rel=0.02)
+    assert math.hypot(i_d, i_q) == pytest.approx(math.sqrt(2) * true.sheet["current_A"], rel=1e-3)
+
+
+def test_the_drive_knows_the_sheet_and_not_the_machine():
+    true = magnets.truth(3)
+    told = asked(magnets.told(true))
+    setup = machines.drive(true, told.setup, 3)
+    for name in ("rs_ohm", "ld_H", "lq_H", "lxy_H", "psi_f_Wb", "cogging_Nm", "start_deg"):
+        assert setup[f"machine.{name}"] == pytest.approx(true.machine[name])
+    before, after = setups.parameters(told.setup), setups.parameters(setup)
+    assert {n: v for n, v in after.items() if v != before[n]} == {}
+    assert after["emf5_share"] == after["emf7_share"] == 0 < min(true.machine["emf_share"][:2])
+    assert setup["sensors.i_noise_A"] > 0 and any(setup["machine.drs_ohm"])
+    flux, allowed = true.machine["psi_f_Wb"] / told.setup["machine.psi_f_Wb"], magnets.FLUX
+    assert allowed[0] - 1e-3 < flux < allowed[1] + 1e-3 and abs(flux - 1) > 1e-3
+
+
+def test_no_speed_is_asked_at_which_the_magnets_drive_current_by_themselves():
+    for number in magnets.numbers(False):
+        true, p = of(number)
+        told = magnets.told(true)
+        assert told.fast * told.speed_rpm < p.ceiling_rpm(true.sheet["vdc_V"])
