@@ -27,7 +27,7 @@ import math
 import random
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,7 @@ WAYS = {
     "least keys": 0.98,
     magnets.WAY: 0.98,
 }
+OTHER_WAYS = [way for way in WAYS if way != magnets.WAY]
 #: Of what `check` passes this share must hold, of what it calls bad this share must fail.
 HOLDS, FAILS = 0.98, 0.90
 WRITTEN = "as `new` writes it"
@@ -284,10 +285,17 @@ def _tried(true: Truth, of: Told, scheme: str, number: int) -> str:
 
 def row(number: int, way: str) -> dict[str, Any]:
     """The scheme that `new` writes on one machine; and one of the others, for one of the ways."""
-    with_magnets, schemes = way == magnets.WAY, firmware.schemes()
-    true = magnets.truth(number) if with_magnets else truth(number)
+    schemes = firmware.schemes()
+    true: Truth
+    if with_magnets := way == magnets.WAY:
+        true = one = magnets.truth(number)
+        tell = partial(magnets.told, one)
+    else:
+        true = other = truth(number)
+        tell = partial(told, other, way)
     found: dict[str, Any] = {
         "number": number,
+        "drawn": number < (magnets.DRAWN if with_magnets else DRAWN),
         "name": true.name,
         "way": way,
         "power_kW": true.power_kW,
@@ -296,14 +304,14 @@ def row(number: int, way: str) -> dict[str, Any]:
         "tried": {},
     }
     try:
-        of = asked(magnets.told(true)) if with_magnets else told(true, way)
+        of = tell()
         findings = review(of.setup, schemes)
     except SetupError as error:
         return {**found, "refused": str(error)}
     ready = ready_of(findings, schemes)
     written = best(findings, schemes)[0] or new.FALLBACK
     chosen = [written]
-    if with_magnets or list(WAYS)[number // len(schemes) % len(WAYS)] == way:
+    if with_magnets or OTHER_WAYS[number // len(schemes) % len(OTHER_WAYS)] == way:
         chosen.append(schemes[number % len(schemes)])
     for scheme in dict.fromkeys(chosen):
         found["tried"][scheme] = {
@@ -316,7 +324,7 @@ def row(number: int, way: str) -> dict[str, Any]:
 
 def study(quick: bool = False, progress: Progress | None = None) -> dict:
     numbers = QUICK if quick else range(DRAWN + len(published.machines()))
-    cases = [(number, way) for number in numbers for way in WAYS if way != magnets.WAY]
+    cases = [(number, way) for number in numbers for way in OTHER_WAYS]
     cases += [(number, magnets.WAY) for number in magnets.numbers(quick)]
     rows = []
     for one in in_order(lambda case: row(*case), cases):
@@ -358,8 +366,8 @@ def failures(result: dict) -> list[str]:
 
 
 def grid(result: dict) -> Grid:
-    of_published = [r for r in result["rows"] if r["number"] >= DRAWN]
-    of_drawn = [r for r in result["rows"] if r["number"] < DRAWN]
+    of_published = [r for r in result["rows"] if not r["drawn"]]
+    of_drawn = [r for r in result["rows"] if r["drawn"]]
     rows = []
     for scheme in (WRITTEN, *firmware.schemes()):
         for way in WAYS:

@@ -20,7 +20,7 @@ from ... import setups
 from ...plant.machines.magnet_parameters import Parameters
 from ...setups import new
 from ...setups.design import REACH_PU, USABLE, rpm
-from .truths import SCATTER, Told, Truth
+from .truths import SCATTER, Told, Truth, asked
 
 WAY = "data sheet of magnets"
 #: Drawn machines. In quick form this one; those from DRAWN on are the built-in ones.
@@ -128,4 +128,4 @@ def told(true: WithMagnets) -> Told:
     speed_rpm, vdc_V = given["speed_rpm"], setup["inverter.vdc_V"]
     ceiling_rpm = Parameters(**setup.machine_values()).ceiling_rpm(vdc_V)
     fast = min(1.5, OF_CEILING * ceiling_rpm / speed_rpm)
-    return Told(setup, speed_rpm, given["torque_Nm"], fast)
+    return asked(Told(setup, speed_rpm, given["torque_Nm"], fast))

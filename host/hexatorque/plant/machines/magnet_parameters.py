@@ -128,7 +128,7 @@ class Parameters:
         best = 0.0
         for n in range(0, 201):
             id_A = -most_A * n / 200
-            iq_A = math.sqrt(most_A**2 - id_A**2)
+            iq_A = math.sqrt(max(0.0, most_A**2 - id_A**2))
             d_Wb = self.psi_f_Wb + self.ld_H * id_A
             torque = self.torque_Nm(id_A, iq_A)
             drop_V = self.rs_ohm * torque / (3 * self.pole_pairs * max(flux_Wb, 1e-9))

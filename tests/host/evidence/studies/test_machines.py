@@ -61,7 +61,7 @@ def test_saturated_it_has_the_circuits_inductance_at_rated_flux():
     assert 1.1 < true.machine["lm_H"] / true.circuit.lm_H < 1.9
 
 
-@pytest.mark.parametrize("way", [way for way in machines.WAYS if way != magnets.WAY])
+@pytest.mark.parametrize("way", machines.OTHER_WAYS)
 def test_the_drive_knows_what_was_told_and_not_the_machine(way):
     true = machines.truth(3)
     of = machines.told(true, way)
@@ -110,7 +110,7 @@ def test_a_low_dc_link_has_devices_without_threshold(number, threshold):
 def row(way, ready, reason):
     tried = {"ready": ready, "bad": [] if ready else ["flux"], "reason": reason}
     return {
-        "number": 1, "way": way, "power_kW": 1.0, "written": "ddr", "refused": "",
+        "number": 1, "drawn": True, "way": way, "power_kW": 1.0, "written": "ddr", "refused": "",
         "tried": {"ddr": tried},
     }  # fmt: skip
 

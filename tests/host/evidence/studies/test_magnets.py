@@ -7,7 +7,7 @@ import pytest
 
 from hexatorque import setups
 from hexatorque.evidence.studies import machines, magnets
-from hexatorque.evidence.studies.truths import SCATTER, asked
+from hexatorque.evidence.studies.truths import SCATTER
 from hexatorque.plant.machines.magnet_parameters import Parameters
 from hexatorque.setups.design import REACH_PU, USABLE
 
@@ -51,7 +51,7 @@ def test_the_true_machine_carries_its_rated_torque_at_its_rated_speed(number):
 
 def test_the_drive_knows_the_sheet_and_not_the_machine():
     true = magnets.truth(3)
-    told = asked(magnets.told(true))
+    told = magnets.told(true)
     setup = machines.drive(true, told.setup, 3)
     for name in ("rs_ohm", "ld_H", "lq_H", "lxy_H", "psi_f_Wb", "cogging_Nm", "start_deg"):
         assert setup[f"machine.{name}"] == pytest.approx(true.machine[name])
@@ -68,3 +68,11 @@ def test_no_speed_is_asked_at_which_the_magnets_drive_current_by_themselves():
         true, p = of(number)
         told = magnets.told(true)
         assert told.fast * told.speed_rpm < p.ceiling_rpm(true.sheet["vdc_V"])
+
+
+def test_no_torque_is_left_where_all_current_weakens():
+    """The search ends at a current along the d axis alone, whatever its last place."""
+    true, p = of(14)
+    for n in range(1000):
+        most_A = 40 + 0.37 * n
+        assert p.most_torque_Nm(1e5, p.psi_f_Wb, 10.0, most_A, 0.9) >= 0
