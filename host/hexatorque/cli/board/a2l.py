@@ -37,7 +37,7 @@ def a2l(file, xcp, baud) -> int:
         raise options.Mistake(f"--xcp {xcp}: allowed range is 1 .. 65535")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text(xcp, baud or BAUD))
+        file.write_text(text(xcp, baud or BAUD), encoding="utf-8")
     except OSError as error:
         raise options.Mistake(f"{file}: {error.strerror}") from None
     print(f"{file}: for XCP by TCP and UDP, port {xcp}, and by a serial port")
