@@ -72,7 +72,7 @@ def test_no_speed_is_asked_at_which_the_magnets_drive_current_by_themselves():
 
 def test_no_torque_is_left_where_all_current_weakens():
     """The search ends at a current along the d axis alone, whatever its last place."""
-    true, p = of(14)
+    _, p = of(14)
     for n in range(1000):
         most_A = 40 + 0.37 * n
         assert p.most_torque_Nm(1e5, p.psi_f_Wb, 10.0, most_A, 0.9) >= 0
