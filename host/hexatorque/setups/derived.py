@@ -387,8 +387,10 @@ SWINGS = 4.0
 LARGEST_GAP = 0.5
 #: Slow mean of the encoder's counts.
 COUNTS_SLOW_S = number_of("app/ht_configure.h", "HT_COUNTS_SLOW_S")
+#: Share of the harmonics in the induced voltage that must not look like a lost leg, over 1.6.
+UNTOLD_EMF = 0.05
 #: Of rated current, the least that aligns.
-LEAST_ALIGN = 0.2
+LEAST_ALIGN = 0.1
 #: Of the current that turns the q axis to it, the largest step of one period.
 ALIGN_STEP = 0.35
 #: The firmware takes no less (ht_params.def).
@@ -415,6 +417,10 @@ def _pull_Hz(k: Known) -> float:
     rated_A = k.machine.current_A(k.rated_Nm, 0.0)
     pull = PULL_PER_DROP * k["rs_ohm"] * rated_A / (2 * math.pi * k.machine.psi_f_Wb)
     return min(max(LEAST_PULL_HZ, pull), 500.0)
+
+
+def _untold_emf(k: Known) -> float:
+    return min(UNTOLD_EMF * USABLE * REACH_PU * k.vdc_V / k["vdc_max_V"], 1.0)
 
 
 def _align_step_A(k: Known, period_s: float) -> float:
@@ -458,6 +464,11 @@ OPEN_MAGNET: dict[str, Rule] = {
         lambda k: max(LEAST_FLUX_WB, 0.2 * min(k.machine.psi_f_Wb, k.flux_Wb)),
     ),
     "flux_hold": Rule("off: the magnets' flux does not decay", lambda k: 0.0),
+    "loss_check": Rule(
+        OPEN["loss_check"].text + "; without harmonics in machine.emf_share 2.6 % of Vdc at least: "
+        "they may be there",
+        lambda k: max(_loss_check(k), 0.0 if any(k.machine.emf_share) else _untold_emf(k)),
+    ),
     "torque_limit_Nm": Rule(
         "1.5 times rated torque, or the largest load of point and profile if no torque is stated "
         "and that is larger; but at most what 80 % of i_trip_A gives",
@@ -470,7 +481,7 @@ OPEN_MAGNET: dict[str, Rule] = {
     ),
     "build_current_A": Rule(
         "rated current, but at most 60 % of i_trip_A, and with its ripple half of "
-        "psi_f/(L_q - L_d), which turns the q axis there; 20 % of rated current at least: it "
+        "psi_f/(L_q - L_d), which turns the q axis there; 10 % of rated current at least: it "
         "aligns the rotor",
         _align_A,
     ),

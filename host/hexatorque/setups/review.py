@@ -39,6 +39,9 @@ HELD_PCT = 5.0
 MEAN_PCT = "mean torque less its reference, in % of it"
 MEAN_NM = "mean torque less its reference"
 REACH = "reach with the full flux"
+PEAK = "current at the torque limit, ripple and x-y current"
+#: Of the trip: a machine whose values are so far off may reach it.
+NEAR = 0.85
 SWITCHES = "switching frequency at full voltage, about"
 
 
@@ -111,8 +114,8 @@ def ready_of(findings: Iterable[Finding], schemes: Iterable[str]) -> list[str]:
 
 def best(findings: Iterable[Finding], schemes: Iterable[str]) -> tuple[str, str]:
     """The best scheme that is ready, with the reason; empty if none is. That is the one with the
-    fewest notes, of these the one that holds its mean torque best, to a tenth of a percent, then
-    the one with the largest reach."""
+    fewest notes (a current near the trip counts as one), of these the one that holds its mean
+    torque best, to a tenth of a percent, then the one with the largest reach."""
     findings = list(findings)
     ready = ready_of(findings, schemes)
 
@@ -123,10 +126,15 @@ def best(findings: Iterable[Finding], schemes: Iterable[str]) -> tuple[str, str]
     def notes(scheme: str) -> int:
         return sum(f.scheme == scheme and f.verdict == "note" for f in findings)
 
+    def near_trip(scheme: str) -> bool:
+        return any(
+            f.scheme == scheme and f.subject == PEAK and f.value > NEAR * f.limit for f in findings
+        )
+
     def rank(scheme: str) -> tuple[float, float, float]:
         percent = value(scheme, MEAN_PCT)
         held = round(abs(percent), 1) if math.isfinite(percent) else 0.0
-        return notes(scheme), held, -value(scheme, REACH)
+        return notes(scheme) + near_trip(scheme), held, -value(scheme, REACH)
 
     if not ready:
         return "", ""
@@ -574,7 +582,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
     ripple_A = flux_Wb / d.machine.least_H
     peak_A = _xy_A(d, row) + d.current_A(p("torque_limit_Nm")) + ripple_A
     yield at_most(
-        "current at the torque limit, ripple and x-y current", peak_A, p("i_trip_A"), "A",
+        PEAK, peak_A, p("i_trip_A"), "A",
         f"may trip: take a scheme that controls the x-y currents; else {faster}",
     )  # fmt: skip
     if row.regulated:

@@ -1,13 +1,14 @@
 """Set-ups that `hexatorque new` makes of the data sheet of a machine with magnets."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from hexatorque import setups
 from hexatorque.cli.main import main
 from hexatorque.experiments.acceptance import accept
-from hexatorque.setups import SetupError, keys, new
+from hexatorque.setups import SetupError, keys, new, review
 
 SURFACE = "poles=10,ke_V=47,rs_ohm=1.1,ld_H=2.1e-3,current_A=3.5,vdc_V=60,inertia_kgm2=0.03"
 INTERIOR = "poles=6,ke_V=67,rs_ohm=0.8,ld_H=6.4e-3,lq_H=17.4e-3,current_A=4.6,vdc_V=500"
@@ -94,3 +95,39 @@ def test_a_drive_that_knows_the_sheet_alone_drives_another_machine(sheet, lxy_sh
         machine__start_deg=200.0,
     )
     assert accept(true).state == "idle"
+
+
+def test_harmonics_that_a_sheet_does_not_tell_are_no_lost_leg():
+    """A leg is lost from three times loss_check on. 5 % of fifth and 3 % of seventh harmonic, in
+    phase, of the largest voltage that is used stay below; told, they need no room."""
+    untold = setups.parse(new.from_magnets(INTERIOR, "x"), "x")
+    used_V = 0.9 * untold["inverter.vdc_V"] / math.sqrt(3)
+    limit_V = 3 * untold["controller.loss_check"] * untold["controller.vdc_max_V"]
+    assert limit_V > (0.05 + 0.03) * used_V
+    told = untold.changed(machine__emf_share=(0.05, 0.03, 0, 0))
+    assert told["controller.loss_check"] < 0.5 * untold["controller.loss_check"]
+
+
+def test_the_aligning_current_and_its_ripple_leave_the_d_axis_where_it_is():
+    """T = 3 P (psi_f + (L_d - L_q) i_d) i_q: with i_d above psi_f/(L_q - L_d) the rotor turns away
+    from the current. A converter's step of a period comes on top of the regulated current."""
+    setup = setups.parse(new.from_magnets(INTERIOR, "x"), "x")
+    step_A = 0.6 * setup["inverter.vdc_V"] / setup["controller.f_isr_Hz"] / setup["machine.ld_H"]
+    most_A = setup["controller.build_current_A"] + step_A
+    saliency_H = setup["machine.lq_H"] - setup["machine.ld_H"]
+    assert setup["machine.psi_f_Wb"] > 1.2 * saliency_H * most_A
+    high = setup.changed(controller__build_current_A=14.0)
+    subject = "current that aligns the rotor, and its ripple, which must not turn the q axis there"
+    found = [f.verdict for f in review.review(high, ["foc"]) if f.subject == subject]
+    assert found == ["bad"]
+
+
+def test_a_scheme_near_the_trip_is_not_the_best_one():
+    findings = review.review(setups.parse(new.from_magnets(SURFACE, "x"), "x"), ["dtc2", "foc"])
+    assert review.best(findings, ["dtc2", "foc"])[0]
+    for scheme, other in (("dtc2", "foc"), ("foc", "dtc2")):
+        near = [f for f in findings if (f.scheme, f.subject) != (scheme, review.PEAK)]
+        near.append(replace(findings[0], scheme=scheme, subject=review.PEAK, value=0.9, limit=1.0))
+        near = [f for f in near if not f.subject.startswith(review.MEAN_PCT)]
+        near = [f for f in near if f.verdict != "note"]
+        assert review.best(near, ["dtc2", "foc"])[0] == other
