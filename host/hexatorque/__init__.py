@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .setups import Setup, SetupError, load
     from .sweeps.study import Study
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "BoardDrive",
