@@ -34,7 +34,9 @@ static uint32_t angle_of(const ht_alignment_config *cfg, uint16_t direction)
 static uint16_t nearest(const ht_alignment_config *cfg, uint32_t electrical)
 {
     float turns = (float)electrical / (float)cfg->counts_rev;
-    uint16_t direction = (uint16_t)(12.0f * turns + 0.5f * (float)(uint16_t)(1u - cfg->first));
+    uint16_t half = (uint16_t)(1u - cfg->first);
+    float steps = 12.0f * turns + 0.5f * (float)half;
+    uint16_t direction = (uint16_t)steps;
     return (direction < 12u) ? direction : 0u;
 }
 

@@ -227,6 +227,7 @@ static void modulate(const timing *t, const carrier *c, float d, float i_A, uint
 static HT_INTO_CALLERS timing timing_of(const ht_modulator_input *in)
 {
     float full = (float)in->period->counts;
+    uint16_t room = (uint16_t)(in->period->counts - 2u * in->period->shortest);
     timing t;
     t.period = in->period->counts;
     t.per_count = 1.0f / full;
@@ -234,7 +235,7 @@ static HT_INTO_CALLERS timing timing_of(const ht_modulator_input *in)
     t.dead_per_A = t.dead_half_pu2 / in->dead->i_zero_A;
     t.middle = 0.5f * full + 0.5f;
     t.early = 0.5f * full * in->dead->dead_pu;
-    t.most = 0.5f * (float)(t.period - 2u * in->period->shortest);
+    t.most = 0.5f * (float)room;
     return t;
 }
 

@@ -61,10 +61,10 @@ bool ht_table_law_check(const ht_table_law_config *cfg)
     uint16_t levels = cfg->torque_levels;
     bool limited = (cfg->xy_limit_pu > 0.0f) && (cfg->xy_limit_pu < 1.0f); /* NaN is not */
     bool six = cfg->table == HT_TABLE_60_120;
+    bool of_six = cfg->group >= (uint16_t)HT_L0;
     return ((unsigned)cfg->vectors <= (unsigned)HT_VECTORS_VIRTUAL)
            && (cfg->group < (uint16_t)HT_GROUPS)
-           && ((unsigned)cfg->table <= (unsigned)HT_TABLE_60_120)
-           && (six == (cfg->group >= (uint16_t)HT_L0))
+           && ((unsigned)cfg->table <= (unsigned)HT_TABLE_60_120) && (six == of_six)
            && (!six || (cfg->vectors == HT_VECTORS_SINGLE))
            && ((levels == 2u) || (levels == 3u) || (levels == 5u)) && (limited || !cfg->regulated);
 }
