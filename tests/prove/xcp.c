@@ -238,4 +238,5 @@ void prove_xcp_write_daq(void)
     result = ht_xcp_write_daq(&xcp, octets);
     MUST((xcp.daq.entry[look] == HT_XCP_NOTHING) || is_value(xcp.daq.entry[look]));
     MUST(IMPLIES(result != (uint16_t)HT_XCP_OK, xcp.daq.entry[look] == HT_XCP_NOTHING));
+    MUST(IMPLIES(result == (uint16_t)HT_XCP_OK, is_value(ht_xcp_value_at(ht_get32(&octets[4])))));
 }
