@@ -28,3 +28,11 @@ def number_of(header: str, name: str) -> float:
     text = (SOURCES / header).read_text(encoding="utf-8")
     (number,) = re.findall(rf"^#define {name} ([-\d.e]+)[fu]?\b", text, re.M)
     return float(number)
+
+
+def range_of(parameter: str) -> tuple[float, float]:
+    """The least and the largest value of a controller parameter that is a number."""
+    rows = (SOURCES / "app" / "ht_params.def").read_text(encoding="utf-8")
+    pattern = rf'^HT_PARAM\({parameter}, \w+, "[^"]*", ([-\d.e]+)f, ([-\d.e]+)f,'
+    ((least, most),) = re.findall(pattern, rows, re.M)
+    return float(least), float(most)

@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..chips import number_of
+from ..chips import number_of, range_of
 from ..plant.machines import constants_of
 from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Design, rad_s, rpm
 from .values import Values
@@ -393,8 +393,7 @@ UNTOLD_EMF = 0.05
 LEAST_ALIGN = 0.1
 #: Of the current that turns the q axis to it, the largest step of one period.
 ALIGN_STEP = 0.35
-#: The firmware takes no less (ht_params.def).
-LEAST_FLUX_WB = 0.0005
+LEAST_FLUX_WB, _ = range_of("flux_min_Wb")
 #: True inertia over the stated one, at least.
 LEAST_INERTIA = 0.6
 #: Distance of the speed trip from the speed at which the magnets would drive current by themselves.
@@ -460,7 +459,7 @@ def _magnet_speed_trip_rpm(k: Known) -> float:
 OPEN_MAGNET: dict[str, Rule] = {
     "flux_ref_Wb": Rule("flux of the torque limit with its least current", _flux_of_limit_Wb),
     "flux_min_Wb": Rule(
-        "20 % of the smaller of psi_f and flux_ref_Wb, 0.5 mWb at least",
+        "20 % of the smaller of psi_f and flux_ref_Wb, and what the firmware takes at least",
         lambda k: max(LEAST_FLUX_WB, 0.2 * min(k.machine.psi_f_Wb, k.flux_Wb)),
     ),
     "flux_hold": Rule("off: the magnets' flux does not decay", lambda k: 0.0),

@@ -14,6 +14,7 @@ import math
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from ... import setups
@@ -52,6 +53,7 @@ def numbers(quick: bool) -> Sequence[int]:
     return QUICK if quick else range(DRAWN + len(builtin()))
 
 
+@cache
 def builtin() -> list[setups.Setup]:
     every = map(setups.load, setups.builtin_names())
     return [setup for setup in every if setup["machine.model"] == "magnet"]
