@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hexatorque import firmware, setups
+from hexatorque.chips import range_of
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.firmware import Controller
 from hexatorque.plant.machines import constants_of
@@ -131,3 +132,8 @@ def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_d
     same = setups.parameters(changed) == setups.parameters(setup)
     assert same == (key in NOT_ON_A_BOARD.get(section, ())), path
     assert same == (path in not_on_a_board(changed))
+
+
+def test_a_range_that_is_read_from_the_table_is_the_firmwares():
+    row = firmware.parameters()["flux_min_Wb"]
+    assert range_of("flux_min_Wb") == pytest.approx((row.min, row.max))
