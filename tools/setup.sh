@@ -25,8 +25,13 @@ fail() {
 command -v "$python" >/dev/null 2>&1 || fail "$python not found; install Python 3.11 or newer"
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
     fail "$("$python" --version) is too old; Python 3.11 or newer is needed"
-command -v "${CC:-cc}" >/dev/null 2>&1 || command -v gcc >/dev/null 2>&1 ||
-    fail "no C compiler found; install gcc or clang"
+cc=${CC:-cc}
+command -v "$cc" >/dev/null 2>&1 || cc=gcc
+command -v "$cc" >/dev/null 2>&1 || fail "no C compiler found; install gcc or clang"
+# A compiler may lack the C library's headers and start files: gcc only recommends them on Debian.
+printf '#include <stdio.h>\nint main(void) { return 0; }\n' | "$cc" -x c -o /dev/null - 2>/dev/null ||
+    fail "$cc cannot compile a program; on Debian and Ubuntu libc6-dev may be missing:" \
+        "sudo apt-get install libc6-dev"
 
 missing=""
 "$python" -c 'import ensurepip, venv' 2>/dev/null || missing="$missing python3-venv"
