@@ -99,14 +99,16 @@ static bool lists_fit(const ht_xcp_daq *a, uint16_t list, uint16_t odt, uint16_t
         fit = (l->n == 0u) || ((l->n <= a->odts) && (l->first <= a->odts - l->n));
         fit = fit && IMPLIES(l->n != 0u, list < a->lists);
     }
-    if (fit && (odt < a->odts)) {
+    if (fit && (odt < HT_XCP_ODTS)) {
         const ht_xcp_odt *o = &a->odt[odt];
-        fit = (o->n == 0u)
+        fit = IMPLIES(o->n != 0u, odt < a->odts);
+        fit = fit && ((o->n == 0u)
               || ((o->n <= HT_XCP_ODT_ENTRIES) && (o->n <= a->entries)
-                  && (o->first <= a->entries - o->n));
+                  && (o->first <= a->entries - o->n)));
     }
-    if (fit && (entry < a->entries)) {
-        fit = (a->entry[entry] == HT_XCP_NOTHING) || is_value(a->entry[entry]);
+    if (fit && (entry < HT_XCP_ENTRIES)) {
+        fit = (a->entry[entry] == HT_XCP_NOTHING)
+              || ((entry < a->entries) && is_value(a->entry[entry]));
     }
     return fit;
 }
@@ -180,24 +182,41 @@ void prove_xcp_user_command(void)
 }
 
 /* One request. What is said of the lists holds before it where it looks, and after it at any place. */
-void prove_xcp_alloc(void)
+void prove_xcp_free(void)
+{
+    ht_xcp_daq a;
+    uint16_t at = nondet_uint16();
+    GIVEN(a.head < HT_XCP_RING);
+    ht_xcp_daq_free(&a);
+    MUST(lists_fit(&a, at, at, at));
+}
+
+void prove_xcp_alloc_lists(void)
+{
+    ht_xcp_daq a;
+    uint16_t at = nondet_uint16();
+    GIVEN(lists_fit(&a, at, at, at));
+    (void)ht_xcp_daq_alloc_lists(&a, nondet_uint16());
+    MUST(lists_fit(&a, at, at, at));
+}
+
+void prove_xcp_alloc_odts(void)
 {
     ht_xcp_daq a;
     uint16_t list = nondet_uint16();
-    uint16_t odt = nondet_uint16();
     uint16_t at = nondet_uint16();
     GIVEN(lists_fit(&a, list, at, at) && lists_fit(&a, at, at, at));
-    switch (nondet_uint16() % 3u) {
-    case 0u:
-        (void)ht_xcp_daq_alloc_lists(&a, nondet_uint16());
-        break;
-    case 1u:
-        (void)ht_xcp_daq_alloc_odts(&a, list, nondet_uint16());
-        break;
-    default:
-        (void)ht_xcp_daq_alloc_entries(&a, list, odt, nondet_uint16());
-        break;
-    }
+    (void)ht_xcp_daq_alloc_odts(&a, list, nondet_uint16());
+    MUST(lists_fit(&a, at, at, at));
+}
+
+void prove_xcp_alloc_entries(void)
+{
+    ht_xcp_daq a;
+    uint16_t list = nondet_uint16();
+    uint16_t at = nondet_uint16();
+    GIVEN(lists_fit(&a, list, at, at) && lists_fit(&a, at, at, at));
+    (void)ht_xcp_daq_alloc_entries(&a, list, nondet_uint16(), nondet_uint16());
     MUST(lists_fit(&a, at, at, at));
 }
 

@@ -21,6 +21,12 @@ void ht_xcp_daq_free(ht_xcp_daq *a)
         a->list[k].n = 0u;
         a->list[k].size = 0u;
     }
+    for (k = 0u; k < HT_XCP_ODTS; k++) {
+        a->odt[k].n = 0u;
+    }
+    for (k = 0u; k < HT_XCP_ENTRIES; k++) {
+        a->entry[k] = HT_XCP_NOTHING;
+    }
     a->stage = (uint16_t)HT_XCP_NO_LISTS;
     a->lists = 0u;
     a->odts = 0u;
@@ -44,7 +50,6 @@ uint16_t ht_xcp_daq_alloc_lists(ht_xcp_daq *a, uint16_t n)
 
 uint16_t ht_xcp_daq_alloc_odts(ht_xcp_daq *a, uint16_t list, uint16_t n)
 {
-    uint16_t k;
     if ((a->stage != (uint16_t)HT_XCP_HAS_LISTS) && (a->stage != (uint16_t)HT_XCP_HAS_ODTS)) {
         return HT_XCP_SEQUENCE;
     }
@@ -59,10 +64,7 @@ uint16_t ht_xcp_daq_alloc_odts(ht_xcp_daq *a, uint16_t list, uint16_t n)
     }
     a->list[list].first = a->odts;
     a->list[list].n = n;
-    for (k = 0u; k < n; k++) {
-        a->odt[a->odts].n = 0u;
-        a->odts++;
-    }
+    a->odts = (uint16_t)(a->odts + n);
     a->stage = (uint16_t)HT_XCP_HAS_ODTS;
     return HT_XCP_OK;
 }
@@ -75,7 +77,6 @@ static bool has_odt(const ht_xcp_daq *a, uint16_t list, uint16_t odt)
 uint16_t ht_xcp_daq_alloc_entries(ht_xcp_daq *a, uint16_t list, uint16_t odt, uint16_t n)
 {
     ht_xcp_odt *o;
-    uint16_t k;
     if (a->stage < (uint16_t)HT_XCP_HAS_ODTS) {
         return HT_XCP_SEQUENCE;
     }
@@ -94,10 +95,7 @@ uint16_t ht_xcp_daq_alloc_entries(ht_xcp_daq *a, uint16_t list, uint16_t odt, ui
     }
     o->first = a->entries;
     o->n = n;
-    for (k = 0u; k < n; k++) {
-        a->entry[a->entries] = HT_XCP_NOTHING;
-        a->entries++;
-    }
+    a->entries = (uint16_t)(a->entries + n);
     a->stage = (uint16_t)HT_XCP_HAS_ENTRIES;
     return HT_XCP_OK;
 }
