@@ -82,7 +82,7 @@ def near(found, want, share=0.005):
 
 def test_front_end_of_a_current():
     """From the components on the page: 2.00 and 3.00 kohm, 2.2 nF, 100 ohm, 22 nF, 75 mV/A
-    around 2.5 V; the ADC's 16.5 pF behind 700 ohm and 50 kohm to ground."""
+    around 2.5 V; the ADC's 14.5 pF behind 425 ohm (12 bits, single-ended) and 50 kohm to ground."""
     divider = 3.00 / 5.00
     slope = 0.075 * divider
     full = (V_REF / 2) / slope
@@ -107,8 +107,8 @@ def test_front_end_of_a_current():
     delay, degrees, hertz = value("delay of both", CURRENT)
     near(delay, 1e6 * sum(taus))
     near(degrees, 360 * hertz * sum(taus), 0.03)
-    near(value("kick of the sampling capacitor", CURRENT), [4096 * 16.5e-12 / second], 0.02)
-    left = 4096 * math.exp(-100e-9 / (700 * 16.5e-12))
+    near(value("kick of the sampling capacitor", CURRENT), [4096 * 14.5e-12 / second], 0.02)
+    left = 4096 * math.exp(-100e-9 / (425 * 14.5e-12))
     assert value("what is left after the sampling window", CURRENT)[0] == pytest.approx(
         left, abs=0.05
     )
