@@ -22,10 +22,10 @@ import numpy as np
 from ... import firmware, setups
 from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
-from ...parallel import each
 from ...plant.vsd import PHASES
 from . import lost_phase
 from .grids import Grid, for_terminal
+from .runs import each
 
 TITLE = "Phases that open with an arc"
 #: Voltage of the arc: from this to so many times V_dc.
@@ -213,10 +213,16 @@ def cases(quick: bool) -> dict[str, list[Case]]:
     }
 
 
-def study(quick: bool = False, progress: Progress | None = None) -> dict:
+def row(task: tuple[str, Case], progress: Progress | None = None) -> dict:
+    """Of a campaign, one run."""
+    return {"campaign": task[0], **asdict(run(task[1], progress))}
+
+
+def study(
+    quick: bool = False, progress: Progress | None = None, folder: Path | None = None
+) -> dict:
     tasks = [(name, case) for name, own in cases(quick).items() for case in own]
-    results = each(lambda task: run(task[1], progress), tasks)
-    rows = [{"campaign": name, **asdict(result)} for (name, _), result in zip(tasks, results)]
+    rows = each(row, tasks, folder, progress)
     vdc_V = setups.load(lost_phase.SETUP)["inverter.vdc_V"]
     return {"quick": quick, "vdc_V": vdc_V, "rows": rows}
 
