@@ -21,12 +21,16 @@ MEASURING = (
 )  # fmt: skip
 
 
+#: The whole package: a study may use any part of it.
+EVERYTHING = ("",)
+
+
 @lru_cache
-def digest() -> str:
-    """Of the files and folders in MEASURING, and of the compiled firmware."""
+def digest(names: tuple[str, ...] = MEASURING) -> str:
+    """Of these files and folders of the package, and of the compiled firmware."""
     package = Path(__file__).parents[1]
     found = hashlib.sha256()
-    for name in MEASURING:
+    for name in names:
         path = package / name
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
             if file.suffix in (".py", ".toml"):

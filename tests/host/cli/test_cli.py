@@ -1,5 +1,6 @@
 """The command as a user types it: results, files, and one clear line for a mistake."""
 
+import inspect
 import json
 import re
 import sys
@@ -338,8 +339,10 @@ def test_a_study_writes_its_result_and_picture(tmp_path, capsys, monkeypatch):
 def test_every_study_has_what_the_command_needs():
     from importlib import import_module
 
-    from hexatorque.evidence.studies import STUDIES
+    from hexatorque.evidence.studies import KEEPING, STUDIES
 
-    for name in STUDIES.values():
-        module = import_module(f"hexatorque.evidence.studies.{name}")
+    for name, file in STUDIES.items():
+        module = import_module(f"hexatorque.evidence.studies.{file}")
         assert module.TITLE and module.study and module.tables and module.plot
+        keeps = "folder" in inspect.signature(module.study).parameters
+        assert keeps == (name in KEEPING)

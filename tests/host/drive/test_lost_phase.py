@@ -73,7 +73,7 @@ def test_the_lost_phase_is_named(scheme, kind, phase, rpm, load_Nm):
 
 
 @pytest.mark.parametrize("phase", ("u1", "v2"))
-@pytest.mark.parametrize("share", (0.45, 0.6, 1.7, 2.2))
+@pytest.mark.parametrize("share", (0.25, 0.45, 0.6, 1.7, 2.2, 4.0))
 def test_an_inductance_that_is_far_off_is_learnt_and_a_lost_phase_is_named(share, phase):
     """Under dtc1 the x-y currents are large, so a wrong L_xy makes a large residual. It is learnt
     from periods that would have named a leg. R_s and dead time take a few per cent of it."""

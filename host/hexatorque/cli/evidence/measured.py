@@ -8,7 +8,7 @@ import json
 import click
 
 from ...evidence.papers import ENTRIES
-from ...evidence.studies import STUDIES
+from ...evidence.studies import KEEPING, RUNS, STUDIES
 from .. import completion, options
 from ..group import examples
 from ..options import Mistake
@@ -94,7 +94,7 @@ def studies(names, quick, output, as_json) -> int:
     """What simulation and firmware can be trusted for.
 
     Runs studies of accuracy, low speed, light load and faults; a table, a picture and the
-    numbers of each.
+    numbers of each. Interrupted, the long ones go on where they were.
     """
     from importlib import import_module
 
@@ -114,8 +114,9 @@ def studies(names, quick, output, as_json) -> int:
     failures = []
     for name in names:
         module = import_module(f"hexatorque.evidence.studies.{STUDIES[name]}")
+        keeping = {"folder": output / RUNS} if name in KEEPING else {}
         with working(console, name) as work:
-            result = module.study(quick, work.advance)
+            result = module.study(quick, work.advance, **keeping)
             work.begin(f"{name}: drawing")
             try:
                 (output / f"{name}.json").write_text(

@@ -3,7 +3,8 @@ module and one command.
 
 A study module has TITLE, `study(quick, progress) -> dict` (plain data, for JSON), `tables(result)`
 (for the terminal), `plot(result, path)` and `failures(result)`. The last returns a line for each
-violated limit; for studies that only measure, it returns nothing.
+violated limit; for studies that only measure, it returns nothing. The `study` of those in KEEPING
+has one more argument, `folder`.
 """
 
 #: Command-line name -> module, in the order of the chain: plant, firmware, drive.
@@ -22,3 +23,9 @@ STUDIES = {
     "arcs": "arcs",
     "line": "line",
 }
+
+#: Studies of hundreds of runs. Each run is kept in the folder as soon as it is there (`runs`), so
+#: an interrupted study goes on where it was.
+KEEPING = ("machines", "faults", "lost-phase", "arcs")
+#: The folder, in that of the results.
+RUNS = "runs"

@@ -22,10 +22,10 @@ import numpy as np
 from ... import firmware, setups
 from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
-from ...parallel import each
 from ...plant.vsd import PHASES
 from . import lost_phase
 from .grids import Grid, for_terminal
+from .runs import each
 
 TITLE = "Phases that open with an arc"
 #: Voltage of the arc: from this to so many times V_dc.
@@ -79,9 +79,10 @@ def _log(rng: np.random.Generator, least: float, most: float) -> float:
     return least * (most / least) ** float(rng.random())
 
 
-def _begun(case: Case, progress: Progress | None) -> tuple[Result, SimulatedDrive, float]:
-    """The drive at its speed and load, its phase about to open in so many seconds."""
-    rng = np.random.default_rng(case.seed)
+def _begun(
+    case: Case, rng: np.random.Generator, progress: Progress | None
+) -> tuple[Result, SimulatedDrive]:
+    """The drive at its speed and load."""
     lost = lost_phase.Case(case.seed, case.scheme, case.phase, "open", case.mode)
     setup = lost_phase._setup(lost, rng)
     speed_rpm = lost_phase._speed(rng)
@@ -104,8 +105,7 @@ def _begun(case: Case, progress: Progress | None) -> tuple[Result, SimulatedDriv
     )
     sim = lost_phase._started(setup, progress)
     lost_phase._to(sim, speed_rpm, load_Nm, progress)
-    after_s = float(rng.uniform(0, min(lost_phase._period_s(sim), 0.1)))
-    return result, sim, after_s
+    return result, sim
 
 
 def _named(sim: SimulatedDrive) -> set[str]:
@@ -129,20 +129,24 @@ def _off(sim: SimulatedDrive) -> int:
 
 def run(case: Case, progress: Progress | None = None) -> Result:
     """One run, with an error too if the gates were commanded what no power stage may see."""
-    result, sim, after_s = _begun(case, progress)
+    rng = np.random.default_rng(case.seed)
+    result, sim = _begun(case, rng, progress)
     if sim.state != firmware.RUN:
         result.outcome = "other"
         result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
     else:
-        _open(result, sim, after_s, progress)
+        _open(result, sim, rng, progress)
     if sim.gate_mistake:
         result.outcome, result.error = "gates", sim.gate_mistake
     return result
 
 
-def _open(result: Result, sim: SimulatedDrive, after_s: float, progress: Progress | None) -> None:
+def _open(
+    result: Result, sim: SimulatedDrive, rng: np.random.Generator, progress: Progress | None
+) -> None:
     case = result.case
     period_s = lost_phase._period_s(sim)
+    after_s = float(rng.uniform(0, min(period_s, 0.1)))
     sim.break_leg(case.phase, "open", after_s)
     longest_s = after_s + WATCH * period_s + 1e-3 * result.bounce_ms + WATCH_S
     begin_s = sim.time_s
@@ -213,10 +217,16 @@ def cases(quick: bool) -> dict[str, list[Case]]:
     }
 
 
-def study(quick: bool = False, progress: Progress | None = None) -> dict:
+def row(task: tuple[str, Case], progress: Progress | None = None) -> dict:
+    """Of a campaign, one run."""
+    return {"campaign": task[0], **asdict(run(task[1], progress))}
+
+
+def study(
+    quick: bool = False, progress: Progress | None = None, folder: Path | None = None
+) -> dict:
     tasks = [(name, case) for name, own in cases(quick).items() for case in own]
-    results = each(lambda task: run(task[1], progress), tasks)
-    rows = [{"campaign": name, **asdict(result)} for (name, _), result in zip(tasks, results)]
+    rows = each(row, tasks, folder, progress)
     vdc_V = setups.load(lost_phase.SETUP)["inverter.vdc_V"]
     return {"quick": quick, "vdc_V": vdc_V, "rows": rows}
 

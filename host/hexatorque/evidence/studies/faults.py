@@ -22,7 +22,7 @@ import contextlib
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -33,12 +33,12 @@ from ...boards.virtual import BoardController
 from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
 from ...monitor.deadman import DeadMan
-from ...parallel import each
 from ...plant.legs import HIGH, LOW, OFF
 from ...plant.vsd import PHASES
 from ...serial import wire
 from ...serial.client import HEARTBEAT_S
 from .grids import Grid, for_terminal
+from .runs import each
 
 TITLE = "Fault campaign"
 SETUPS = ("paper-a-feasible", "paper-b")
@@ -912,33 +912,41 @@ def places(fault: Fault, runs: int) -> list[tuple[str, str, str]]:
     return [next(quiet if n % 3 == 2 else found) for n in range(runs)]
 
 
-def study(quick: bool = False, progress: Progress | None = None) -> dict:
+def one(task: tuple, progress: Progress | None = None) -> dict:
+    """A run. task: the number of a fault, or the name of a case without one; its arguments."""
+    case, *arguments = task
+    made = partial(run, FAULTS[case]) if isinstance(case, int) else WITHOUT_FAULT[case][0]
+    result: Result = made(*arguments)
+    if progress:
+        progress(0.3)
+    return asdict(result)
+
+
+#: Function, and the states in which it begins.
+WITHOUT_FAULT: dict[str, tuple[Callable[..., Result], tuple[str, ...]]] = {
+    RESTARTED: (restarted, STATES),
+    REVERSAL: (reversal, (firmware.RUN,)),
+    PAGE_SILENT: (page_silent, CHECKED),
+}
+
+
+def study(
+    quick: bool = False, progress: Progress | None = None, folder: Path | None = None
+) -> dict:
     step = QUICK_STEP if quick else 1
-    injected: list[tuple] = [
-        (run, fault, *where, 1000 * f + n)
+    tasks: list[tuple] = [
+        (f, *where, 1000 * f + n)
         for f, fault in enumerate(FAULTS)
         for n, where in enumerate(places(fault, RUNS))
-    ]
-    others: list[tuple] = [
-        (case, *where, n)
-        for case, states in (
-            (restarted, STATES),
-            (reversal, (firmware.RUN,)),
-            (page_silent, CHECKED),
-        )
+    ][::step]
+    tasks += [
+        (name, *where, n)
+        for name, (_, states) in WITHOUT_FAULT.items()
         for n, where in zip(
             range(RUNS), itertools.cycle(itertools.product(states, firmware.schemes(), SETUPS))
         )
-    ]
-
-    def one(case: tuple) -> Result:
-        made, *arguments = case
-        result: Result = made(*arguments)
-        if progress:
-            progress(0.3)
-        return result
-
-    results = each(one, injected[::step] + others[::step])
+    ][::step]
+    results = [Result(**found) for found in each(one, tasks, folder, progress)]
     at_the_start = {DAMAGED_SET: damaged_set, WRONG_CLOCK: wrong_clock}
     for case in at_the_start.values():
         results += [case(firmware.BOARDS[n % 3], n) for n in range(0, RUNS, step)]

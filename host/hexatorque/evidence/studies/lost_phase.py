@@ -26,12 +26,12 @@ from ...analysis.spectrum import channel
 from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
 from ...experiments.prepare import magnetise
-from ...parallel import each
 from ...plant.legs import KINDS
 from ...plant.vsd import PHASES
 from ..methods.carrier import steady_state
 from ..methods.places import Place
 from .grids import Grid, for_terminal
+from .runs import each
 
 TITLE = "Lost phases"
 SETUP = "paper-a-feasible"
@@ -368,10 +368,16 @@ def run(campaign: str, case: Case, progress: Progress | None = None) -> Result:
     return result
 
 
-def study(quick: bool = False, progress: Progress | None = None) -> dict:
+def row(task: tuple[str, Case], progress: Progress | None = None) -> dict:
+    """Of a campaign, one run."""
+    return {"campaign": task[0], **asdict(run(*task, progress))}
+
+
+def study(
+    quick: bool = False, progress: Progress | None = None, folder: Path | None = None
+) -> dict:
     tasks = [(name, case) for name, own in cases(quick).items() for case in own]
-    results = each(lambda task: run(*task, progress), tasks)
-    rows = [{"campaign": name, **asdict(result)} for (name, _), result in zip(tasks, results)]
+    rows = each(row, tasks, folder, progress)
     return {"quick": quick, "rated_A": rated_A(setups.load(SETUP)), "rows": rows}
 
 

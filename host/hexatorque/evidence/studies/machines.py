@@ -34,7 +34,6 @@ from typing import Any
 from ... import firmware, setups
 from ...experiments import acceptance
 from ...experiments.operating_points import NOT_MEASURED, Progress
-from ...parallel import in_order
 from ...setups import Setup, SetupError, estimate, new, published
 from ...setups.design import REACH_PU, USABLE, Design
 from ...setups.keys import LXY_LEAST, TIMING_OWNS
@@ -43,6 +42,7 @@ from ...setups.review import best, ready_of, review
 from . import magnets
 from .commissioning import disturbed
 from .grids import Grid, for_terminal
+from .runs import each
 from .truths import SCATTER, Told, Truth, asked
 
 TITLE = "Machines of all sizes: driven by those who do not know them"
@@ -322,15 +322,21 @@ def row(number: int, way: str) -> dict[str, Any]:
     return {**found, "written": written}
 
 
-def study(quick: bool = False, progress: Progress | None = None) -> dict:
+def one(case: tuple[int, str], progress: Progress | None = None) -> dict:
+    """A machine that is told in one way."""
+    found = row(*case)
+    if progress:
+        progress(1.0)
+    return found
+
+
+def study(
+    quick: bool = False, progress: Progress | None = None, folder: Path | None = None
+) -> dict:
     numbers = QUICK if quick else range(DRAWN + len(published.machines()))
     cases = [(number, way) for number in numbers for way in OTHER_WAYS]
     cases += [(number, magnets.WAY) for number in magnets.numbers(quick)]
-    rows = []
-    for one in in_order(lambda case: row(*case), cases):
-        rows.append(one)
-        if progress:
-            progress(1.0)
+    rows = each(one, cases, folder, progress)
     return {"quick": quick, "rows": rows}
 
 
