@@ -391,8 +391,6 @@ COUNTS_SLOW_S = number_of("app/ht_configure.h", "HT_COUNTS_SLOW_S")
 UNTOLD_EMF = 0.05
 #: Of rated current, the least that aligns.
 LEAST_ALIGN = 0.1
-#: Of the current that turns the q axis to it, the largest step of one period.
-ALIGN_STEP = 0.35
 LEAST_FLUX_WB, _ = range_of("flux_min_Wb")
 #: True inertia over the stated one, at least.
 LEAST_INERTIA = 0.6
@@ -422,26 +420,15 @@ def _untold_emf(k: Known) -> float:
     return min(UNTOLD_EMF * USABLE * REACH_PU * k.vdc_V / k["vdc_max_V"], 1.0)
 
 
-def _align_step_A(k: Known, period_s: float) -> float:
-    return k.flux_step_Wb(period_s) / k.machine.ld_H
-
-
 def _align_A(k: Known) -> float:
     rated_A = k.machine.current_A(k.rated_Nm, 0.0)
-    stiffest_A = 0.5 * k.machine.turning_A - _align_step_A(k, k.period_s)
+    stiffest_A = 0.5 * k.machine.turning_A - k.align_step_A
     return min(rated_A, 0.6 * k["i_trip_A"], max(stiffest_A, LEAST_ALIGN * rated_A))
 
 
 def _align_s(k: Known) -> float:
     swing_rad_s = k.machine.swing_rad_s(k["build_current_A"])
     return min(max(1.0, SWINGS * 2 * math.pi / swing_rad_s), 10.0) if swing_rad_s else 10.0
-
-
-def _magnet_f_isr_Hz(k: Known) -> float:
-    """The same, and 20 kHz if at 10 kHz a period moves the aligning current too far."""
-    far = _align_step_A(k, 1 / F_ISR_HZ) > ALIGN_STEP * k.machine.turning_A
-    carried = write_delay_us(k.setup) * 1e-6 < WRITTEN_WITHIN / F_ISR_FAST_HZ
-    return F_ISR_FAST_HZ if far and carried else _f_isr_Hz(k)
 
 
 def _jump_rpm(k: Known) -> float:
@@ -479,15 +466,10 @@ OPEN_MAGNET: dict[str, Rule] = {
         _pull_Hz,
     ),
     "build_current_A": Rule(
-        "rated current, but at most 60 % of i_trip_A, and with its ripple half of "
-        "psi_f/(L_q - L_d), which turns the q axis there; 10 % of rated current at least: it "
-        "aligns the rotor",
+        "rated current, but at most 60 % of i_trip_A, and half of psi_f/(L_q - L_d), which turns "
+        "the q axis there (with the step of a period under immediate load); 10 % of rated current "
+        "at least: it aligns the rotor",
         _align_A,
-    ),
-    "f_isr_Hz": Rule(
-        OPEN["f_isr_Hz"].text + "; or if it moves the aligning current by more than 35 % of "
-        "psi_f/(L_q - L_d)",
-        _magnet_f_isr_Hz,
     ),
     "build_s": Rule("4 swings of the shaft that direct current holds; 1 .. 10 s", _align_s),
     "flux_check": Rule(

@@ -467,12 +467,12 @@ def _currents_of_magnets(d: Design) -> Iterator[Finding]:
     p, trip_A = d.parameter, d.parameter("i_trip_A")
     step_A = d.flux_step_Wb(d.period_s) / d.machine.least_H
     yield at_most(
-        "current that aligns the rotor, and its ripple", p("build_current_A") + step_A, trip_A,
-        "A", f"lower controller.build_current_A, or {MORE_RANGE}",
+        "current that aligns the rotor, and its ripple", p("build_current_A") + d.align_step_A,
+        trip_A, "A", f"lower controller.build_current_A, or {MORE_RANGE}",
     )  # fmt: skip
     yield at_most(
         "current that aligns the rotor, and its ripple, which must not turn the q axis there",
-        p("build_current_A") + step_A, MOST_TURNING * d.machine.turning_A, "A",
+        p("build_current_A") + d.align_step_A, MOST_TURNING * d.machine.turning_A, "A",
         "lower controller.build_current_A, or raise controller.f_isr_Hz",
     )  # fmt: skip
     if swing_rad_s := d.machine.swing_rad_s(p("build_current_A")):
