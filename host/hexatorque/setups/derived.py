@@ -194,10 +194,14 @@ def _least_f_isr_Hz(k: Known) -> float:
 
 
 def _f_slow_Hz(k: Known) -> float:
+    return _f_slow_within_Hz(k, RUNAWAY * k.rated_rpm)
+
+
+def _f_slow_within_Hz(k: Known, rise_rpm: float) -> float:
     """Frequencies that the sampling frequency is no multiple of are left out."""
     f_isr_Hz = k["f_isr_Hz"]
     fit = [f for f in F_SLOW_HZ if (f_isr_Hz / f).is_integer()] or [F_SLOW_HZ[0]]
-    enough = [f for f in fit if k.runaway_rpm(_corner_rad_s(f)) <= RUNAWAY * k.rated_rpm]
+    enough = [f for f in fit if k.runaway_rpm(_corner_rad_s(f)) <= rise_rpm]
     return min(enough, default=max(fit))
 
 
@@ -437,6 +441,12 @@ def _jump_rpm(k: Known) -> float:
     return max(40.0, rpm(most_Nm / (LEAST_INERTIA * k.machine.inertia_kgm2) * COUNTS_SLOW_S))
 
 
+def _magnet_f_slow_Hz(k: Known) -> float:
+    """The speed trip may be near: no current may flow after it."""
+    room_rpm = LEAST_INERTIA * (k["speed_trip_rpm"] - k.rated_rpm)
+    return _f_slow_within_Hz(k, min(RUNAWAY * k.rated_rpm, room_rpm))
+
+
 def _magnet_speed_trip_rpm(k: Known) -> float:
     wanted = max(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 1.2 * k.asked_rpm)
     return min(wanted, BELOW_CEILING * k.machine.ceiling_rpm(k.vdc_V), 9e4)
@@ -479,6 +489,10 @@ OPEN_MAGNET: dict[str, Rule] = {
         "what torque limit and rated torque do together within 3 ms to a shaft of 60 % of the "
         "inertia, 40 r/min at least: no real shaft changes its speed as quickly",
         _jump_rpm,
+    ),
+    "f_slow_Hz": Rule(
+        OPEN["f_slow_Hz"].text + ", and with 60 % of the inertia not to the speed trip",
+        _magnet_f_slow_Hz,
     ),
     "speed_trip_rpm": Rule(
         "as of an induction machine, but at most 98 % of the speed at which the magnets induce Vdc "

@@ -193,9 +193,9 @@ def test_the_law_begins_with_its_state_reset():
 @pytest.mark.parametrize("l_share", [0.85, 1.0, 1.5])
 def test_the_aligning_current_comes_to_its_limit_and_not_beyond(l_share):
     """A machine at standstill by its voltage equation; what the registers make of the legs drives
-    its currents. A period of the longest vector would move its current by more than half of the limit.
-    The firmware knows the inductance 15 % too large, right, or a third too small, and R 20 % too
-    small: what is missing in R is shared between R and what the control adds to it."""
+    its currents. A period of the longest vector would move its current by more than half of the
+    limit. The firmware knows the inductance 15 % too large, right, or a third too small, and R 20 %
+    too small: what is missing in R is shared between R and what the control adds to it."""
     ld_H, r_ohm, limit_A = 1.7e-3, 1.0, 14.0
     cfg = config(period=PERIOD, build_current_A=limit_A, rs_ohm=0.8 * r_ohm)
     cfg.dead.dead_pu = 0.0

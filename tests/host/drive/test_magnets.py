@@ -132,6 +132,26 @@ def test_above_rated_speed_the_current_weakens_the_magnets(scheme):
     assert abs(rec["plant.speed_rpm"].mean() / design.rated_rpm - 1.2) < 0.01
 
 
+def test_the_torque_limit_stands_still_near_the_end_of_the_voltage():
+    """With three times the resistance more torque leaves much less flux. A limit at the flux of the
+    torque before swung from tick to tick, and the shaft did not get beyond 510 r/min."""
+    drive, _ = begun("magnet-surface", "foc", machine__rs_ohm=3.3, rated__torque_Nm=3.0)
+    drive.set("speed_ref_rpm", 600.0)
+    drive.run(1.0, record=False)
+    for load_Nm in np.linspace(0.25, 2.5, 10):
+        drive.set("load_Nm", load_Nm)
+        drive.run(0.1, record=False)
+    drive.run(1.0, record=False)
+    limits = []
+    for _ in range(50):
+        drive.run(0.01, record=False)
+        limits.append(drive.controller.drive.torque_limit_Nm)
+    assert drive.state == "run", drive.trip
+    assert abs(drive.speed_rpm - 600) < 3
+    assert 2.5 < min(limits) and max(limits) - min(limits) < 0.02
+    assert max(limits) < drive.get("torque_limit_Nm")
+
+
 @pytest.mark.parametrize("name, scheme", [DRIVES[0], DRIVES[2], DRIVES[5]])
 @pytest.mark.parametrize("speed_pu", [0.3, 1.0])
 def test_an_encoder_that_stops_is_found_within_two_milliseconds(name, scheme, speed_pu):

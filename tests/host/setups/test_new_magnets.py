@@ -129,6 +129,44 @@ def test_the_aligning_current_and_its_ripple_leave_the_d_axis_where_it_is():
     assert found == ["bad"]
 
 
+def test_a_load_that_drops_does_not_take_a_light_shaft_to_the_speed_trip():
+    """Near the speed at which no current may flow the room is small. With 60 % of the stated
+    inertia the speed loop's double pole at w/2 lets the speed rise by (2/e) T/(0.6 J w)."""
+    sheet = SURFACE.replace("inertia_kgm2=0.03", "inertia_kgm2=0.003")
+    setup = setups.parse(new.from_magnets(sheet, "x"), "x")
+    design = Design(setup, setup.parameter)
+
+    def peak_rpm(f_slow_Hz):
+        corner = 2 * math.pi * f_slow_Hz / 30
+        rise = 2 / math.e * design.rated_Nm / (0.6 * setup["machine.inertia_kgm2"] * corner)
+        return design.rated_rpm + rise * 30 / math.pi
+
+    chosen, trip_rpm = setup["controller.f_slow_Hz"], setup["controller.speed_trip_rpm"]
+    lower = {200: 100, 500: 200, 1000: 500}[chosen]
+    assert peak_rpm(chosen) < trip_rpm < peak_rpm(lower)
+    slow = setup.changed(controller__f_slow_Hz=lower)
+    subject = "speed when the rated load drops"
+    found = [f for of in (setup, slow) for f in review.review(of, []) if f.subject == subject]
+    assert [f.verdict for f in found] == ["ok", "bad"]
+    assert found[1].value == pytest.approx(peak_rpm(lower), rel=1e-3)
+
+
+def test_what_a_scheme_that_leaves_xy_alone_lets_flow_there():
+    """A fifth harmonic of 5 %, which no sheet tells, drives E over |R + 5 j omega L_xy|."""
+    setup = setups.parse(new.from_magnets(SURFACE, "x"), "x")
+    design = Design(setup, setup.parameter)
+    omega = design.machine.pole_pairs * design.rated_rpm * math.pi / 30
+    ohm = math.hypot(5 * omega * design.machine.lxy_H, design.machine.rs_ohm)
+
+    def peak_A(of):
+        (found,) = (f.value for f in review.review(of, ["dtc1"]) if f.subject == review.PEAK)
+        return found
+
+    without = setup.changed(machine__emf_share=(1e-9, 0, 0, 0))
+    expected = 0.05 * omega * design.machine.psi_f_Wb / ohm
+    assert peak_A(setup) - peak_A(without) == pytest.approx(expected, rel=1e-3)
+
+
 def test_a_scheme_near_the_trip_is_not_the_best_one():
     findings = review.review(setups.parse(new.from_magnets(SURFACE, "x"), "x"), ["dtc2", "foc"])
     assert review.best(findings, ["dtc2", "foc"])[0]
