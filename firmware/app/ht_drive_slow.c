@@ -261,21 +261,53 @@ static void refer_torque(ht_drive *d, const ht_drive_config *c)
     follow_reference(d, c);
 }
 
-/* With magnets: the largest flux that the voltage turns and the parameter allows, but no less than the
- * current can lower it to. */
-static float most_flux_Wb(const ht_drive *d, const ht_drive_config *c, float most_A)
+/* With magnets: the largest flux that the voltage turns with this torque and the parameter allows, but no
+ * less than the current can lower it to. */
+static float most_flux_Wb(const ht_drive *d, const ht_drive_config *c, float most_A,
+                          float torque_Nm)
 {
     const ht_magnet_config *m = &c->control.observer.magnet;
     float least_Wb = m->psi_f_Wb - m->ld_H * most_A;
     float most_Wb = c->params.v[HT_P_flux_ref_Wb];
     if (c->params.v[HT_P_field_weakening] != 0.0f) {
-        float turned_Wb = ht_magnet_turned_Wb(c->flux.reach_pu * d->in.vdc_V,
-                                              d->control.observer.omega_sync_rad_s, c->flux.rs_ohm,
-                                              d->torque_ref_Nm, m->torque_gain);
+        float turned_Wb = ht_magnet_turned_Wb(
+            c->flux.reach_pu * d->in.vdc_V, d->control.observer.omega_sync_rad_s,
+            d->control.observer.rs_ohm, torque_Nm, m->torque_gain);
         most_Wb = smaller(turned_Wb, most_Wb);
     }
     least_Wb = (least_Wb > c->flux.flux_min_Wb) ? least_Wb : c->flux.flux_min_Wb;
     return (most_Wb > least_Wb) ? most_Wb : least_Wb;
+}
+
+/* Each halves the range in which the torque limit is searched for. */
+#define LIMIT_ROUNDS 8
+
+/* With magnets: the largest torque whose own flux lets it be. More torque takes more of the voltage and
+ * leaves less flux, so that a limit at the flux of the torque before would swing from tick to tick. */
+static float magnet_limit_Nm(const ht_drive *d, const ht_drive_config *c, float most_A)
+{
+    const ht_magnet_config *m = &c->control.observer.magnet;
+    float sign = (d->torque_ref_Nm < 0.0f) ? -1.0f : 1.0f;
+    float most_Nm = c->params.v[HT_P_torque_limit_Nm];
+    float step_Nm;
+    float limit_Nm = 0.0f;
+    int n;
+    if (c->params.v[HT_P_field_weakening] != 0.0f) {
+        most_Nm = smaller(ht_magnet_driven_Nm(c->flux.reach_pu * d->in.vdc_V,
+                                              sign * d->control.observer.omega_sync_rad_s,
+                                              d->control.observer.rs_ohm, m->torque_gain),
+                          most_Nm);
+    }
+    step_Nm = most_Nm;
+    for (n = 0; n <= LIMIT_ROUNDS; n++) {
+        float tried_Nm = limit_Nm + step_Nm;
+        float flux_Wb = most_flux_Wb(d, c, most_A, sign * tried_Nm);
+        if ((tried_Nm <= most_Nm) && (ht_magnet_most_Nm(m, most_A, flux_Wb) >= tried_Nm)) {
+            limit_Nm = tried_Nm;
+        }
+        step_Nm *= 0.5f;
+    }
+    return limit_Nm;
 }
 
 /* With magnets: the torque that current and flux allow, and the flux with which it takes the least
@@ -284,10 +316,10 @@ static void refer_magnets(ht_drive *d, const ht_drive_config *c)
 {
     const ht_magnet_config *m = &c->control.observer.magnet;
     float most_A = ht_derated_most_A(&c->derating, NULL, d->in.vdc_V, m->psi_f_Wb);
-    float most_Wb = most_flux_Wb(d, c, most_A);
-    d->torque_limit_Nm =
-        smaller(ht_magnet_most_Nm(m, most_A, most_Wb), c->params.v[HT_P_torque_limit_Nm]);
+    float most_Wb;
+    d->torque_limit_Nm = magnet_limit_Nm(d, c, most_A);
     follow_reference(d, c);
+    most_Wb = most_flux_Wb(d, c, most_A, d->torque_ref_Nm);
     d->flux_ref_Wb = smaller(ht_magnet_flux_Wb(m, ht_magnet_least_A(m, d->torque_ref_Nm)), most_Wb);
 }
 
@@ -302,6 +334,7 @@ void ht_drive_slow_isr(ht_drive *d)
         if (c->control.observer.magnets) {
             ht_leg_loss_tolerate(&d->control.leg_loss, c->params.v[HT_P_rs_ohm],
                                  c->params.v[HT_P_lxy_H], d->control.observer.omega_sync_rad_s);
+            ht_observer_adapt_magnet(&c->control.observer, &d->control.observer, c->adapt_gain);
             refer_magnets(d, c);
         } else {
             learn_resistances(d, c);

@@ -1,10 +1,12 @@
 #include "ht_control.h"
 
+#include "ht_angle.h"
 #include "ht_limited.h"
 #include "ht_turned.h"
 #include "ht_vectors.h"
 #include "ht_winding.h"
 
+#include <math.h>
 #include <stddef.h>
 
 #define BUILD_DIRECTION 0u
@@ -176,17 +178,36 @@ static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_contr
     return v;
 }
 
-/* A voltage: the modulator writes the pattern, because every leg has an instant of its own. */
+/* The modulator writes the pattern of a voltage, because every leg has an instant of its own. */
+static HT_INTO_CALLERS void modulate(const ht_control_config *cfg, ht_control_state *st,
+                                     const ht_control_input *in, ht_winding winding, ht_vsd v,
+                                     ht_compare *out)
+{
+    uint16_t number = (st->active.own == 1u) ? 2u : 1u;
+    ht_modulator_input given;
+    ht_vsd legs; /* of another winding than 30 degrees */
+    ht_vsd *told = &v;
+    given.dead = &cfg->dead;
+    given.i_A = &in->i_A;
+    given.before = st->active.s[2];
+    given.period = &cfg->period;
+    if (winding != HT_WINDING_30) {
+        legs = ht_modulator_legs(winding, &v);
+        told = &legs;
+    }
+    ht_modulator_step(&cfg->modulator, &st->modulator, told, &given, out, &st->next,
+                      &st->toggles[number - 1u]);
+    st->next.own = number;
+    st->v_xy_pu = v.xy;
+}
+
+/* A voltage that the law wants. */
 static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_control_state *st,
                                            const ht_control_input *in, ht_vsd i, bool lost,
                                            bool magnets, ht_winding winding, ht_compare *out)
 {
-    uint16_t number = (st->active.own == 1u) ? 2u : 1u;
     ht_voltage_law_input seen;
-    ht_modulator_input given;
     ht_vsd v;
-    ht_vsd legs; /* of another winding than 30 degrees */
-    ht_vsd *told = &v;
     seen.psi_Wb = st->decided.psi_Wb;
     seen.psi_xy_Wb = st->psi_xy_Wb;
     seen.i_A = i;
@@ -210,18 +231,7 @@ static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_cont
     if (lost) {
         v = ht_lost_legs_command(&st->lost, &cfg->observer, &seen, v);
     }
-    given.dead = &cfg->dead;
-    given.i_A = &in->i_A;
-    given.before = st->active.s[2];
-    given.period = &cfg->period;
-    if (winding != HT_WINDING_30) {
-        legs = ht_modulator_legs(winding, &v);
-        told = &legs;
-    }
-    ht_modulator_step(&cfg->modulator, &st->modulator, told, &given, out, &st->next,
-                      &st->toggles[number - 1u]);
-    st->next.own = number;
-    st->v_xy_pu = v.xy;
+    modulate(cfg, st, in, winding, v, out);
 }
 
 void ht_control_select(ht_control_config *cfg, ht_scheme scheme)
@@ -599,6 +609,36 @@ HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_sta
     }
 }
 
+/* Of the current that is missing, the share that one period adds. The period before it is not in the
+ * sample yet; at a quarter the current still does not overshoot. */
+#define ALIGN_SHARE 0.25f
+
+/* The voltage, units of Vdc, that brings the current to `build_current_A` in this direction and holds it
+ * there. Across it there is none: what a swinging rotor induces there drives a current through R_s, and
+ * that damps the swing. It leaves less for the direction, so that the whole current keeps its limit. L_d
+ * is the least inductance that the voltage meets. */
+static ht_vsd aligning_pu(const ht_control_config *cfg, unsigned direction, ht_vsd i, float vdc_V)
+{
+    const ht_observer_config *m = &cfg->observer;
+    float first = (m->winding == HT_WINDING_30) ? 1.0f : 0.0f;
+    ht_ab u = ht_unit((1.0f / 24.0f) * (first + 2.0f * (float)direction));
+    float share_pu = ALIGN_SHARE * m->inv_ts / vdc_V;
+    float ab_pu = m->magnet.ld_H * share_pu;
+    float xy_pu = m->lxy_H * share_pu;
+    float most_A = cfg->build_current_A;
+    float across_A = u.alpha * i.ab.beta - u.beta * i.ab.alpha;
+    float damping_A = ht_limited(across_A, most_A);
+    float wanted_A = sqrtf(most_A * most_A - damping_A * damping_A);
+    float along = ab_pu * (wanted_A - ht_along(u, i.ab)) + m->rs_ohm / vdc_V * wanted_A;
+    float across = ab_pu * (damping_A - across_A);
+    ht_vsd v;
+    v.ab.alpha = along * u.alpha - across * u.beta;
+    v.ab.beta = along * u.beta + across * u.alpha;
+    v.xy.x = -xy_pu * i.xy.x;
+    v.xy.y = -xy_pu * i.xy.y;
+    return v;
+}
+
 void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
                       const ht_control_input *in, unsigned direction, ht_compare *out)
 {
@@ -607,18 +647,17 @@ void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
     ht_action_points p = {1.0f, 1.0f};
     float i2 = i.ab.alpha * i.ab.alpha + i.ab.beta * i.ab.beta;
     uint16_t s[3];
-    bool still;
     st->i_A = in->i_A;
     st->i_xy_A = i.xy;
     st->observer.i_A = i.ab;
     st->flow = ht_flow_of(&in->i_A, &cfg->dead);
     st->spill.legs = 0u;
     begin_pattern(cfg, st);
-    /* What the active pattern adds is not in the sample yet: with little inductance two periods in a
-     * row would reach the trip. */
-    still = !cfg->shadow || (ht_nearest_zero[st->active.s[1]] == st->active.s[1]);
-    if ((direction < HT_DIRECTIONS) && still
-        && (i2 < cfg->build_current_A * cfg->build_current_A)) {
+    if (cfg->shadow) {
+        modulate(cfg, st, in, winding, aligning_pu(cfg, direction, i, in->vdc_V), out);
+        return;
+    }
+    if (i2 < cfg->build_current_A * cfg->build_current_A) {
         p = pull_along(winding, direction, s);
     } else {
         ht_vectors_zero(st->active.s[2], cfg->only_v0, s);

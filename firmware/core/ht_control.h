@@ -133,10 +133,11 @@ bool ht_control_can_lose(const ht_control_config *cfg);
 uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs,
                          float set2_ohm);
 
-/** One period of the alignment of a rotor with magnets: the zero-mean virtual vector in `direction`
- *  (0..11, 15 degrees and 30 more each; from 0 degrees on where the sets are not 30 degrees apart),
- *  current limited. Nothing is estimated: where the magnets'
- *  flux is, is not known. `direction` HT_DIRECTIONS: a zero vector. */
+/** One period of the alignment of a rotor with magnets: direct current of `build_current_A` in `direction`
+ *  (0..11, 15 degrees and 30 more each; from 0 degrees on where the sets are not 30 degrees apart), nothing
+ *  in x-y. Under shadow load the modulator makes the voltage that this takes. Under immediate load, which
+ *  the modulator does not do, it is the zero-mean virtual vector while the current is below its limit. Nothing is
+ *  estimated: where the magnets' flux is, is not known. */
 void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
                       const ht_control_input *in, unsigned direction, ht_compare *out);
 

@@ -14,6 +14,8 @@
 #define LEAST_SLOPE 0.2f
 /* Of the largest torque at a flux: beyond it the torque falls again. */
 #define PULL_OUT 0.9f
+/* Over the largest torque of a voltage: below this there is none. */
+#define LEAST_DRIVEN 1.0e-9f
 
 static bool salient(const ht_magnet_config *m)
 {
@@ -101,6 +103,14 @@ float ht_magnet_turned_Wb(float reach_V, float omega_rad_s, float rs_ohm, float 
     float root2 = reach_V * reach_V - 4.0f * omega * rs_ohm * power;
     float root = (root2 > 0.0f) ? sqrtf(root2) : 0.0f;
     return 0.5f * (reach_V + root) / ((omega > 1.0f) ? omega : 1.0f);
+}
+
+/* Where the root above ends: V^2 = 4 R omega T/(3 P). */
+float ht_magnet_driven_Nm(float reach_V, float omega_rad_s, float rs_ohm, float torque_gain)
+{
+    float per_Nm = 4.0f * omega_rad_s * rs_ohm;
+    float reach2 = reach_V * reach_V * torque_gain;
+    return (per_Nm > LEAST_DRIVEN * reach2) ? (reach2 / per_Nm) : (1.0f / LEAST_DRIVEN);
 }
 
 /* The flux's part along the d axis where the torque at this flux is the largest: 3 P/L_q r(d) q with

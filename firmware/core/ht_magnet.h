@@ -56,6 +56,10 @@ ht_dq ht_magnet_wanted_Wb(const ht_magnet_config *m, float r_Wb, ht_dq now, floa
 float ht_magnet_turned_Wb(float reach_V, float omega_rad_s, float rs_ohm, float torque_Nm,
                           float torque_gain);
 
+/** Largest torque that `reach_V` can drive at this electrical speed, which is positive where the torque
+ *  drives and negative where it brakes: then it is endless. */
+float ht_magnet_driven_Nm(float reach_V, float omega_rad_s, float rs_ohm, float torque_gain);
+
 /** Largest torque with a current of `i_A` at most and a stator flux of `flux_Wb` at most. */
 float ht_magnet_most_Nm(const ht_magnet_config *m, float i_A, float flux_Wb);
 

@@ -20,6 +20,9 @@ static float cross(ht_ab p, ht_ab q)
 /* ... R_r is left alone below this load, |i_q/i_d| squared: it matters little there, and
  * the least thing that the models leave out, devices' drops say, would drive it far, ... */
 #define ADAPT_LOAD2 0.16f
+/* ... with magnets, their voltage must be below half of the drop, squared: there a psi_f that is 8 %
+ * wrong moves R_s by 4 %, ... */
+#define ADAPT_TURNED2 0.25f
 /* ... and no resistance leaves 0.5 .. 1.6 of its configured value: copper from
  * -40 to 180 degC spans 0.76 .. 1.63 of its value at 20 degC. */
 #define ADAPT_LEAST 0.5f
@@ -85,15 +88,38 @@ static ht_ab pulled_to_current_model(const ht_observer_config *cfg, ht_observer_
     return psi;
 }
 
+/* (g0 + j w) D */
+static ht_ab disagreement_V(const ht_observer_config *cfg, const ht_observer_state *st)
+{
+    float g0 = cfg->hybrid_gain * cfg->inv_ts;
+    float omega = st->omega_sync_rad_s;
+    ht_ab e;
+    e.alpha = g0 * st->gap_Wb.alpha - omega * st->gap_Wb.beta;
+    e.beta = g0 * st->gap_Wb.beta + omega * st->gap_Wb.alpha;
+    return e;
+}
+
+/* How much R_s is to change by what the models disagree about along the current. */
+static float change_ohm(const ht_observer_config *cfg, ht_ab e, ht_ab i, float weight)
+{
+    float i2 = i.alpha * i.alpha + i.beta * i.beta;
+    return weight * (e.alpha * i.alpha + e.beta * i.beta) * cfg->rs_ohm
+           / (i2 * cfg->rs_ohm + ADAPT_V * ADAPT_V / cfg->rs_ohm);
+}
+
+/* One write: the fast interrupt may come in between. */
+static void take_ohm(const ht_observer_config *cfg, ht_observer_state *st, float rs_ohm)
+{
+    st->rs_ohm = ht_between(rs_ohm, ADAPT_LEAST * cfg->rs_ohm, ADAPT_MOST * cfg->rs_ohm);
+}
+
 void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, float gain)
 {
     ht_ab i = st->i_A;
     ht_ab r = st->psi_r_Wb;
     ht_ab h;
-    ht_ab e; /* (g0 + j w) D */
-    float g0 = cfg->hybrid_gain * cfg->inv_ts;
+    ht_ab e;
     float omega = st->omega_sync_rad_s;
-    float i2 = i.alpha * i.alpha + i.beta * i.beta;
     float along = r.alpha * i.alpha + r.beta * i.beta;
     float across = cross(r, i);
     float fade = ADAPT_RAD_S * ADAPT_RAD_S / (ADAPT_RAD_S * ADAPT_RAD_S + omega * omega);
@@ -115,17 +141,28 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
     scale = omega * cfg->lm_over_lr * across / share;
     h.alpha = scale * (along * r.alpha + across * r.beta);
     h.beta = scale * (along * r.beta - across * r.alpha);
-    e.alpha = g0 * st->gap_Wb.alpha - omega * st->gap_Wb.beta;
-    e.beta = g0 * st->gap_Wb.beta + omega * st->gap_Wb.alpha;
-    rs_ohm += weight * (e.alpha * i.alpha + e.beta * i.beta) * cfg->rs_ohm
-              / (i2 * cfg->rs_ohm + ADAPT_V * ADAPT_V / cfg->rs_ohm);
+    e = disagreement_V(cfg, st);
+    rs_ohm += change_ohm(cfg, e, i, weight);
     if (across * across > ADAPT_LOAD2 * along * along) {
         rr_scale -= weight * (e.alpha * h.alpha + e.beta * h.beta)
                     / (h.alpha * h.alpha + h.beta * h.beta + ADAPT_V * ADAPT_V);
     }
-    /* One write each: the fast interrupt may come in between. */
-    st->rs_ohm = ht_between(rs_ohm, ADAPT_LEAST * cfg->rs_ohm, ADAPT_MOST * cfg->rs_ohm);
-    st->rr_scale = ht_between(rr_scale, ADAPT_LEAST, ADAPT_MOST);
+    take_ohm(cfg, st, rs_ohm);
+    st->rr_scale = ht_between(rr_scale, ADAPT_LEAST, ADAPT_MOST); /* one write, too */
+}
+
+void ht_observer_adapt_magnet(const ht_observer_config *cfg, ht_observer_state *st, float gain)
+{
+    ht_ab i = st->i_A;
+    float turned_V = st->omega_sync_rad_s * cfg->magnet.psi_f_Wb;
+    float drop2 = st->rs_ohm * st->rs_ohm * (i.alpha * i.alpha + i.beta * i.beta);
+    if (!(gain > 0.0f)) {
+        st->rs_ohm = cfg->rs_ohm;
+    } else if (turned_V * turned_V < ADAPT_TURNED2 * drop2) {
+        take_ohm(cfg, st, st->rs_ohm + change_ohm(cfg, disagreement_V(cfg, st), i, gain));
+    } else {
+        /* psi_f and R_s cannot be told apart */
+    }
 }
 
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st, ht_ab v_V,

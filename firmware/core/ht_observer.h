@@ -105,6 +105,10 @@ void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_
  *  grows with w; therefore adaptation fades out above `ADAPT_RAD_S`. */
 void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, float gain);
 
+/** The same with magnets, R_s alone, where the voltage that they induce is below half of the drop: above
+ *  this speed R_s stays as it is, because an error of psi_f would be taken for one of R_s. */
+void ht_observer_adapt_magnet(const ht_observer_config *cfg, ht_observer_state *st, float gain);
+
 /** Rotor flux seen from the stator, psi_s - sigma L_s i_s, one period after `psi_Wb` and `i_A`:
  *  it turns on with the mean speed of the stator flux. */
 ht_ab ht_observer_predict_rotor(const ht_observer_config *cfg, const ht_observer_state *st,

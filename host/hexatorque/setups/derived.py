@@ -194,10 +194,14 @@ def _least_f_isr_Hz(k: Known) -> float:
 
 
 def _f_slow_Hz(k: Known) -> float:
+    return _f_slow_within_Hz(k, RUNAWAY * k.rated_rpm)
+
+
+def _f_slow_within_Hz(k: Known, rise_rpm: float) -> float:
     """Frequencies that the sampling frequency is no multiple of are left out."""
     f_isr_Hz = k["f_isr_Hz"]
     fit = [f for f in F_SLOW_HZ if (f_isr_Hz / f).is_integer()] or [F_SLOW_HZ[0]]
-    enough = [f for f in fit if k.runaway_rpm(_corner_rad_s(f)) <= RUNAWAY * k.rated_rpm]
+    enough = [f for f in fit if k.runaway_rpm(_corner_rad_s(f)) <= rise_rpm]
     return min(enough, default=max(fit))
 
 
@@ -391,8 +395,6 @@ COUNTS_SLOW_S = number_of("app/ht_configure.h", "HT_COUNTS_SLOW_S")
 UNTOLD_EMF = 0.05
 #: Of rated current, the least that aligns.
 LEAST_ALIGN = 0.1
-#: Of the current that turns the q axis to it, the largest step of one period.
-ALIGN_STEP = 0.35
 LEAST_FLUX_WB, _ = range_of("flux_min_Wb")
 #: True inertia over the stated one, at least.
 LEAST_INERTIA = 0.6
@@ -422,13 +424,9 @@ def _untold_emf(k: Known) -> float:
     return min(UNTOLD_EMF * USABLE * REACH_PU * k.vdc_V / k["vdc_max_V"], 1.0)
 
 
-def _align_step_A(k: Known, period_s: float) -> float:
-    return k.flux_step_Wb(period_s) / k.machine.ld_H
-
-
 def _align_A(k: Known) -> float:
     rated_A = k.machine.current_A(k.rated_Nm, 0.0)
-    stiffest_A = 0.5 * k.machine.turning_A - _align_step_A(k, k.period_s)
+    stiffest_A = 0.5 * k.machine.turning_A - k.align_step_A
     return min(rated_A, 0.6 * k["i_trip_A"], max(stiffest_A, LEAST_ALIGN * rated_A))
 
 
@@ -437,17 +435,16 @@ def _align_s(k: Known) -> float:
     return min(max(1.0, SWINGS * 2 * math.pi / swing_rad_s), 10.0) if swing_rad_s else 10.0
 
 
-def _magnet_f_isr_Hz(k: Known) -> float:
-    """The same, and 20 kHz if at 10 kHz a period moves the aligning current too far."""
-    far = _align_step_A(k, 1 / F_ISR_HZ) > ALIGN_STEP * k.machine.turning_A
-    carried = write_delay_us(k.setup) * 1e-6 < WRITTEN_WITHIN / F_ISR_FAST_HZ
-    return F_ISR_FAST_HZ if far and carried else _f_isr_Hz(k)
-
-
 def _jump_rpm(k: Known) -> float:
     """The load may help the machine to turn back."""
     most_Nm = k["torque_limit_Nm"] + max(k.rated_Nm, k.asked_Nm)
     return max(40.0, rpm(most_Nm / (LEAST_INERTIA * k.machine.inertia_kgm2) * COUNTS_SLOW_S))
+
+
+def _magnet_f_slow_Hz(k: Known) -> float:
+    """The speed trip may be near: no current may flow after it."""
+    room_rpm = LEAST_INERTIA * (k["speed_trip_rpm"] - k.rated_rpm)
+    return _f_slow_within_Hz(k, min(RUNAWAY * k.rated_rpm, room_rpm))
 
 
 def _magnet_speed_trip_rpm(k: Known) -> float:
@@ -479,15 +476,10 @@ OPEN_MAGNET: dict[str, Rule] = {
         _pull_Hz,
     ),
     "build_current_A": Rule(
-        "rated current, but at most 60 % of i_trip_A, and with its ripple half of "
-        "psi_f/(L_q - L_d), which turns the q axis there; 10 % of rated current at least: it "
-        "aligns the rotor",
+        "rated current, but at most 60 % of i_trip_A, and half of psi_f/(L_q - L_d), which turns "
+        "the q axis there (with the step of a period under immediate load); 10 % of rated current "
+        "at least: it aligns the rotor",
         _align_A,
-    ),
-    "f_isr_Hz": Rule(
-        OPEN["f_isr_Hz"].text + "; or if it moves the aligning current by more than 35 % of "
-        "psi_f/(L_q - L_d)",
-        _magnet_f_isr_Hz,
     ),
     "build_s": Rule("4 swings of the shaft that direct current holds; 1 .. 10 s", _align_s),
     "flux_check": Rule(
@@ -497,6 +489,10 @@ OPEN_MAGNET: dict[str, Rule] = {
         "what torque limit and rated torque do together within 3 ms to a shaft of 60 % of the "
         "inertia, 40 r/min at least: no real shaft changes its speed as quickly",
         _jump_rpm,
+    ),
+    "f_slow_Hz": Rule(
+        OPEN["f_slow_Hz"].text + ", and with 60 % of the inertia not to the speed trip",
+        _magnet_f_slow_Hz,
     ),
     "speed_trip_rpm": Rule(
         "as of an induction machine, but at most 98 % of the speed at which the magnets induce Vdc "

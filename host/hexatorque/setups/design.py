@@ -243,6 +243,13 @@ class Design:
         return self.flux_step_Wb(self.period_s) / (self.sigma * self.flux_Wb)
 
     @property
+    def align_step_A(self) -> float:
+        """How far the current that aligns magnets goes beyond its limit. The modulator, which needs
+        shadow load, holds it; else whole periods of a vector make it."""
+        step_Wb = self.flux_step_Wb(self.period_s)
+        return step_Wb / self.machine.ld_H if self.parameter("load_mode") == "immediate" else 0.0
+
+    @property
     def dead_V(self) -> float:
         """Mean voltage that the dead time takes from a leg."""
         return self.setup["inverter.dead_time_us"] * 1e-6 * self.vdc_V / self.period_s

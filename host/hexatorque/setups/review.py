@@ -13,7 +13,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from .derived import F_ISR_FAST_HZ, WRITTEN_WITHIN, write_delay_us
+from .derived import (
+    F_ISR_FAST_HZ,
+    LEAST_INERTIA,
+    UNTOLD_EMF,
+    WRITTEN_WITHIN,
+    write_delay_us,
+)
 from .design import PULL_OUT_SHARE, REACH_PU, Design, rad_s
 from .estimate import published_kW, usual
 from .keys import KEYS
@@ -467,12 +473,12 @@ def _currents_of_magnets(d: Design) -> Iterator[Finding]:
     p, trip_A = d.parameter, d.parameter("i_trip_A")
     step_A = d.flux_step_Wb(d.period_s) / d.machine.least_H
     yield at_most(
-        "current that aligns the rotor, and its ripple", p("build_current_A") + step_A, trip_A,
-        "A", f"lower controller.build_current_A, or {MORE_RANGE}",
+        "current that aligns the rotor, and its ripple", p("build_current_A") + d.align_step_A,
+        trip_A, "A", f"lower controller.build_current_A, or {MORE_RANGE}",
     )  # fmt: skip
     yield at_most(
         "current that aligns the rotor, and its ripple, which must not turn the q axis there",
-        p("build_current_A") + step_A, MOST_TURNING * d.machine.turning_A, "A",
+        p("build_current_A") + d.align_step_A, MOST_TURNING * d.machine.turning_A, "A",
         "lower controller.build_current_A, or raise controller.f_isr_Hz",
     )  # fmt: skip
     if swing_rad_s := d.machine.swing_rad_s(p("build_current_A")):
@@ -520,8 +526,11 @@ def _speed(d: Design) -> Iterator[Finding]:
     p = d.parameter
     corner_rad_s = p("kp_speed_Nms_rad") / d.machine.inertia_kgm2
     if corner_rad_s > 0:
+        rise_rpm = d.runaway_rpm(corner_rad_s)
+        if d.magnets:  # nothing may flow beyond the trip
+            rise_rpm /= LEAST_INERTIA
         yield at_most(
-            "speed when the rated load drops", d.rated_rpm + d.runaway_rpm(corner_rad_s),
+            "speed when the rated load drops", d.rated_rpm + rise_rpm,
             p("speed_trip_rpm"), "r/min",
             "raise controller.f_slow_Hz and kp_speed_Nms_rad, or add inertia",
         )  # fmt: skip
@@ -663,7 +672,18 @@ def _single_xy_A(d: Design, step_A: float) -> float:
     share = reactance_ohm / math.hypot(reactance_ohm, rs_ohm)
     star_A = share * XY_FLUX_OF_LARGE * d.flux_Wb / lxy_H
     periods = lxy_H / rs_ohm / d.period_s
-    return math.hypot(star_A, XY_PEAK * step_A * math.sqrt(periods / 24))
+    made_A = math.hypot(star_A, XY_PEAK * step_A * math.sqrt(periods / 24))
+    return made_A + _induced_xy_A(d, math.hypot(reactance_ohm, rs_ohm))
+
+
+def _induced_xy_A(d: Design, impedance_ohm: float) -> float:
+    """What the fifth harmonic of the magnets drives through x-y at rated speed. It may be there
+    where it is not told."""
+    if not d.magnets:
+        return 0.0
+    share = max(d.machine.emf_share[:2]) or UNTOLD_EMF
+    omega = d.machine.pole_pairs * rad_s(d.rated_rpm)
+    return share * omega * d.machine.psi_f_Wb / impedance_ohm
 
 
 def _reach(d: Design, row: Any, by_table: bool) -> Iterator[Finding]:
@@ -687,6 +707,8 @@ def _reach(d: Design, row: Any, by_table: bool) -> Iterator[Finding]:
         return min(p("torque_limit_Nm"), d.most_torque_Nm(speed_rpm, usable_V))
 
     speed_rpm, load_Nm = max(d.demands, key=lambda asked: asked[1] - most_Nm(asked[0]))
+    if by_table and d.magnets:
+        load_Nm += p("torque_band_Nm")  # the mean may be so far below the limit
     where = "rated speed" if speed_rpm == d.rated_rpm else f"{speed_rpm:.0f} r/min"
     yield at_least(f"torque left at {where}", most_Nm(speed_rpm), load_Nm, "N m", more)
 

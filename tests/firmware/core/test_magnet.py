@@ -145,6 +145,50 @@ def test_flux_that_a_voltage_turns(machine):
     assert np.isfinite(lib.ht_magnet_turned_Wb(1.0, 1e4, r, 1e4, 3 * p))
 
 
+@pytest.mark.parametrize("omega", [40.0, -700.0, 1500.0])
+def test_the_largest_torque_of_a_voltage(machine, omega):
+    """From there on the root of the flux that the voltage turns has no value. Braking, and at
+    standstill, the voltage sets no end."""
+    r, p, reach_V = machine.r, machine.p, 30.0
+    most = lib.ht_magnet_driven_Nm(reach_V, abs(omega), r, 3 * p)
+    drop2 = [4 * abs(omega) * r * share * most / (3 * p) for share in (0.999, 1.001)]
+    assert drop2[0] < reach_V**2 < drop2[1]
+    torque = np.copysign(1.5 * most, omega)
+    flux = lib.ht_magnet_turned_Wb(reach_V, omega, r, torque, 3 * p)
+    assert flux == pytest.approx(reach_V / 2 / abs(omega), rel=1e-5)
+    for other in (-abs(omega), 0.0):
+        assert lib.ht_magnet_driven_Nm(reach_V, other, r, 3 * p) > 1e6
+
+
+@pytest.mark.parametrize("share", [0.7, 1.5])
+def test_a_wrong_resistance_is_learnt_where_the_magnets_induce_little(machine, share):
+    """The exact machine turns with a constant current across the magnets, and the pull bounds what
+    the wrong R does. The voltage keeps this current; psi_f is told 5 % too large. At a fifth of
+    the drop R comes within 3 %, at twice the drop it stays as it is."""
+    r, _, lq, psi_f, _ = machine
+    i_dq = complex(0, 0.5 * psi_f / lq)
+    for turned, learns in ((0.2, True), (2.0, False)):
+        omega = turned * r * abs(i_dq) / psi_f
+        cfg = observer(machine, 3 * r * abs(i_dq) / psi_f / 2 / np.pi)
+        cfg.rs_ohm = r / share
+        cfg.magnet.psi_f_Wb = 1.05 * psi_f
+        exact, state = Exact(machine, omega), ffi.new("ht_observer_state *")
+        lib.ht_observer_align(cfg, state, pair(i_dq), pair(1 + 0j))
+        state.omega_sync_rad_s = omega
+        v_dq = r * i_dq + 1j * omega * exact.flux(i_dq, 0.0)
+        v_dq *= np.sinc(omega * TS / 2 / np.pi)  # mean of a period
+        for n in range(1, 15001):
+            axis, middle = (np.exp(1j * omega * TS * k) for k in (n, n - 0.5))
+            lib.ht_observer_update_magnet(
+                cfg, state, pair(v_dq * middle), pair(i_dq * axis), omega * TS, pair(axis)
+            )
+            if n % 100 == 0:
+                lib.ht_observer_adapt_magnet(cfg, state, 0.1)
+        assert state.rs_ohm == pytest.approx(r if learns else r / share, rel=0.03)
+        lib.ht_observer_adapt_magnet(cfg, state, 0.0)
+        assert state.rs_ohm == pytest.approx(r / share)
+
+
 def test_what_the_harmonics_induce_in_xy(machine):
     """From the six coils' voltages, with sets 30 degrees apart."""
     psi_f = machine.psi_f

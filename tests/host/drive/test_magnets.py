@@ -132,6 +132,26 @@ def test_above_rated_speed_the_current_weakens_the_magnets(scheme):
     assert abs(rec["plant.speed_rpm"].mean() / design.rated_rpm - 1.2) < 0.01
 
 
+def test_the_torque_limit_stands_still_near_the_end_of_the_voltage():
+    """With three times the resistance more torque leaves much less flux. A limit at the flux of the
+    torque before swung from tick to tick, and the shaft did not get beyond 510 r/min."""
+    drive, _ = begun("magnet-surface", "foc", machine__rs_ohm=3.3, rated__torque_Nm=3.0)
+    drive.set("speed_ref_rpm", 600.0)
+    drive.run(1.0, record=False)
+    for load_Nm in np.linspace(0.25, 2.5, 10):
+        drive.set("load_Nm", load_Nm)
+        drive.run(0.1, record=False)
+    drive.run(1.0, record=False)
+    limits = []
+    for _ in range(50):
+        drive.run(0.01, record=False)
+        limits.append(drive.controller.drive.torque_limit_Nm)
+    assert drive.state == "run", drive.trip
+    assert abs(drive.speed_rpm - 600) < 3
+    assert 2.5 < min(limits) and max(limits) - min(limits) < 0.02
+    assert max(limits) < drive.get("torque_limit_Nm")
+
+
 @pytest.mark.parametrize("name, scheme", [DRIVES[0], DRIVES[2], DRIVES[5]])
 @pytest.mark.parametrize("speed_pu", [0.3, 1.0])
 def test_an_encoder_that_stops_is_found_within_two_milliseconds(name, scheme, speed_pu):
@@ -148,6 +168,36 @@ def test_an_encoder_that_stops_is_found_within_two_milliseconds(name, scheme, sp
     torque = rec["plant.torque_Nm"][running]
     margin = 0.2 * design.rated_Nm
     assert before.min() - margin < torque.min() and torque.max() < before.max() + margin
+
+
+#: Counts that an encoder shows instead of `true`, from `first` on; `turn`: an electrical turn.
+ENCODERS = {
+    "counts backwards": lambda true, first, turn: 2 * first - true,
+    "jumps by 30 degrees": lambda true, first, turn: true + turn / 12,
+    "jumps by half a turn": lambda true, first, turn: true + turn / 2,
+    "has one line": lambda true, first, turn: first + np.floor(0.5 * (true - first)) % 2,
+}
+
+
+@pytest.mark.parametrize("name, scheme, speed_pu", [(*DRIVES[0], 0.3), (*DRIVES[2], 1.0)])
+@pytest.mark.parametrize("how", ENCODERS)
+def test_an_encoder_that_lies_is_found_within_two_milliseconds(how, name, scheme, speed_pu):
+    """While the machine makes its torque, which stays below 1.2 of the rated one, or below its
+    ripple before."""
+    drive, design = begun(name, scheme)
+    rec = at(drive, design, speed_pu, 1.0 if speed_pu < 1 else 0.9)
+    before_Nm = abs(rec["plant.torque_Nm"]).max()
+    counts_rev, period_s = drive.get("encoder_counts_rev"), 1 / drive.get("f_isr_Hz")
+    first = drive.plant_state[7] / 2 / np.pi * counts_rev
+    drive.sensors.hold[7] = 1
+    for _ in range(round(2e-3 / period_s)):
+        true = drive.plant_state[7] / 2 / np.pi * counts_rev
+        shown = ENCODERS[how](true, first, counts_rev / drive.machine.pole_pairs)
+        drive.sensors.position_counts, drive.sensors.counter = shown, int(np.floor(shown))
+        drive.run(period_s)
+    assert drive.faults == ["encoder against flux speed"]
+    largest_Nm = abs(drive.take()["plant.torque_Nm"]).max()
+    assert largest_Nm < max(1.2 * design.rated_Nm, 1.01 * before_Nm)
 
 
 def test_after_gates_off_no_current_flows_below_the_ceiling():

@@ -122,23 +122,33 @@ class Parameters:
     def most_torque_Nm(
         self, omega_rad_s: float, flux_Wb: float, voltage_V: float, most_A: float, share: float
     ) -> float:
-        """The most torque of at most this current at a flux that this voltage turns, by search over
-        the part of the current along the d axis. `share`: of pull-out, a little more with magnets
+        """The most torque of at most this current, flux and voltage, by search over the part of the
+        current along the d axis. `share`: of pull-out, a little more with magnets
         (`ht_magnet_most_Nm`)."""
         best = 0.0
         for n in range(0, 201):
             id_A = -most_A * n / 200
-            iq_A = math.sqrt(max(0.0, most_A**2 - id_A**2))
             d_Wb = self.psi_f_Wb + self.ld_H * id_A
+            iq_A = min(
+                math.sqrt(max(0.0, most_A**2 - id_A**2)),
+                math.sqrt(max(0.0, flux_Wb**2 - d_Wb**2)) / self.lq_H,
+                self._driven_A(omega_rad_s, id_A, voltage_V),
+            )
             torque = self.torque_Nm(id_A, iq_A)
-            drop_V = self.rs_ohm * torque / (3 * self.pole_pairs * max(flux_Wb, 1e-9))
-            reach_Wb = min(flux_Wb, (voltage_V - drop_V) / omega_rad_s if omega_rad_s else math.inf)
-            if reach_Wb <= abs(d_Wb):
-                continue
-            iq_A = min(iq_A, math.sqrt(reach_Wb**2 - d_Wb**2) / self.lq_H)
-            torque = self.torque_Nm(id_A, iq_A)
-            best = max(best, min(torque, share * self.pull_out_Nm(reach_Wb)))
+            if torque > best:
+                reach_Wb = math.hypot(d_Wb, self.lq_H * iq_A)
+                best = max(best, min(torque, share * self.pull_out_Nm(reach_Wb)))
         return best
+
+    def _driven_A(self, omega_rad_s: float, id_A: float, voltage_V: float) -> float:
+        """The largest i_q that this voltage drives beside this i_d, 0 if there is none:
+        |R i + j omega psi|^2 = V^2."""
+        d_Wb = self.psi_f_Wb + self.ld_H * id_A
+        a = self.rs_ohm**2 + (omega_rad_s * self.lq_H) ** 2
+        half_b = self.rs_ohm * omega_rad_s * (d_Wb - self.lq_H * id_A)
+        c = (self.rs_ohm * id_A) ** 2 + (omega_rad_s * d_Wb) ** 2 - voltage_V**2
+        root = half_b**2 - a * c
+        return max(0.0, math.sqrt(root) - half_b) / a if root > 0 and a > 0 else 0.0
 
     def torque_Nm(self, id_A: float, iq_A: float) -> float:
         return 3 * self.pole_pairs * (self.psi_f_Wb + (self.ld_H - self.lq_H) * id_A) * iq_A

@@ -3,6 +3,7 @@ asked of them is what they carry, and the drive knows no more than the data shee
 
 import math
 
+import numpy as np
 import pytest
 
 from hexatorque import setups
@@ -76,3 +77,20 @@ def test_no_torque_is_left_where_all_current_weakens():
     for n in range(1000):
         most_A = 40 + 0.37 * n
         assert p.most_torque_Nm(1e5, p.psi_f_Wb, 10.0, most_A, 0.9) >= 0
+
+
+@pytest.mark.parametrize("number, pu", [(14, 0.5), (14, 1.2), (86, 1.0), (85, 0.9), (85, 1.5)])
+def test_the_most_torque_is_that_of_all_currents_the_voltage_drives(number, pu):
+    """Against a grid of currents: within current and flux, and |R i + j omega psi| within the
+    voltage."""
+    true, p = of(number)
+    most_A, flux_Wb = 2 * p.current_A(true.sheet["torque_Nm"], 0.0), 1.2 * p.psi_f_Wb
+    voltage_V = 0.5 * true.sheet["vdc_V"]
+    omega = pu * p.pole_pairs * true.sheet["speed_rpm"] * np.pi / 30
+    size, angle = np.linspace(0, most_A, 800)[:, None], np.linspace(np.pi / 2, np.pi, 800)
+    i = size * np.exp(1j * angle)
+    psi = p.psi_f_Wb + p.ld_H * i.real + 1j * p.lq_H * i.imag
+    may = (abs(psi) <= flux_Wb) & (abs(p.rs_ohm * i + 1j * omega * psi) <= voltage_V)
+    torque = 3 * p.pole_pairs * (p.psi_f_Wb + (p.ld_H - p.lq_H) * i.real) * i.imag
+    found = p.most_torque_Nm(omega, flux_Wb, voltage_V, most_A, 1.0)
+    assert found == pytest.approx(np.where(may, torque, 0).max(), rel=0.01)
