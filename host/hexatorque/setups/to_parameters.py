@@ -137,7 +137,6 @@ NOT_ON_A_BOARD = {
     ),
     "inverter": (
         "vdc_V",
-        "link_F",
         "source_ohm",
         "source_H",
         "chopper_ohm",
