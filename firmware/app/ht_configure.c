@@ -220,6 +220,19 @@ static void apply_protection(const float *v, ht_protect_config *c)
                      / (60.0f * v[HT_P_f_isr_Hz]);
 }
 
+/* No measured voltage is as high. */
+#define NO_LEVEL_V 1.0e9f
+
+static void configure_vdc(const float *v, ht_vdc_config *c)
+{
+    c->high_V = v[HT_P_vdc_high_V];
+    c->low_V = v[HT_P_vdc_low_V];
+    c->above_V = (c->high_V > 0.0f) ? (c->high_V - v[HT_P_vdc_band_V]) : NO_LEVEL_V;
+    c->below_V = (c->low_V > 0.0f) ? (c->low_V + v[HT_P_vdc_band_V]) : -NO_LEVEL_V;
+    c->per_band = 1.0f / v[HT_P_vdc_band_V];
+    c->kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
+}
+
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
     const float *v = c->params.v;
@@ -239,6 +252,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->flux.flux_min_Wb = v[HT_P_flux_min_Wb];
     c->flux.reach_pu = v[HT_P_fw_margin] * ht_control_reach_pu(&c->control);
     c->flux.rs_ohm = v[HT_P_rs_ohm];
+    configure_vdc(v, &c->vdc);
     c->pull_out_Nm_Wb2 = pull_out(v);
     ht_derating_configure(&c->params, &c->control.observer, &c->derating);
     c->sets.gain = 1.0f / (1.0f + SETS_S * v[HT_P_f_slow_Hz]);

@@ -14,6 +14,7 @@
 #include "ht_set_difference.h"
 #include "ht_speed.h"
 #include "ht_speed_measure.h"
+#include "ht_vdc.h"
 #include "port.h"
 
 /** What the interrupts derive from the parameters. It is prepared as a whole and taken over as a
@@ -25,6 +26,7 @@ typedef struct {
     ht_speed_config speed;
     ht_speed_measure_config measure;
     ht_flux_config flux;
+    ht_vdc_config vdc;
     float omega_mean_gain;
     float lxy_gain;        /**< of L_xy that the check of the legs learns, per slow interrupt */
     float pull_out_Nm_Wb2; /**< torque limit per flux squared */

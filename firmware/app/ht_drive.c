@@ -9,6 +9,8 @@
  * must not make the rotor flux grow without bound; finding the jump is the protection's task. */
 #define TURN_MAX_RAD 1.5f
 
+#define RAD_S_PER_RPM 0.104719755f
+
 static bool finite_below(float value, float limit)
 {
     return fabsf(value) < limit;
@@ -288,6 +290,8 @@ static void calibrate(ht_drive *d)
     ht_speed_reset(&d->speed);
     ht_set_difference_begin(&d->sets);
     d->torque_ref_Nm = 0.0f;
+    d->vdc_acts = 0u;
+    d->limits = 0u;
     d->rotor.electrical = known_angle(d);
     (void)go_on_without(d, (uint16_t)d->config->params.v[HT_P_lost_legs]);
     if (d->config->params.v[HT_P_start_mode] != 0.0f) {
@@ -332,6 +336,21 @@ static void end_build(ht_drive *d, float share)
     }
 }
 
+/* The dc link is beyond one of the voltages where its limits begin. */
+HT_SELDOM static void limit_by_vdc(ht_drive *d)
+{
+    const ht_vdc_config *c = &d->config->vdc;
+    float vdc_V = d->in.vdc_V;
+    float torque_Nm = ht_vdc_torque_Nm(c, d->torque_ref_Nm, d->torque_limit_Nm,
+                                       d->speed_rpm * RAD_S_PER_RPM, vdc_V);
+    if (torque_Nm != d->torque_ref_Nm) {
+        unsigned acts = (vdc_V > c->above_V) ? (unsigned)HT_LIMIT_VDC_HIGH
+                                             : (unsigned)HT_LIMIT_VDC_LOW;
+        d->in.torque_ref_Nm = torque_Nm;
+        d->vdc_acts = (uint16_t)(d->vdc_acts | acts);
+    }
+}
+
 /* One period of BUILD or RUN. */
 static inline void drive(ht_drive *d, bool build)
 {
@@ -353,6 +372,10 @@ static inline void drive(ht_drive *d, bool build)
         return;
     }
     d->in.torque_ref_Nm = d->torque_ref_Nm; /* 0 in BUILD */
+    if (!build
+        && ((d->in.vdc_V > d->config->vdc.above_V) || (d->in.vdc_V < d->config->vdc.below_V))) {
+        limit_by_vdc(d);
+    }
     if (build) {
         share = begin_build(d);
     } else if (d->in.flux_ref_Wb != d->flux_ref_Wb) {

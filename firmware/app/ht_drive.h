@@ -47,6 +47,9 @@ uint16_t ht_state_flags(uint16_t state);
 /** Share of the build-up during which the flux is too small for its speed to mean anything. */
 #define HT_BUILD_BLIND 0.1f
 
+/** Limits that keep the torque from its reference (channel `limits`). */
+enum { HT_LIMIT_TORQUE = 1, HT_LIMIT_VDC_HIGH = 2, HT_LIMIT_VDC_LOW = 4 };
+
 /** The values of the fast interrupt that raised the latest fault. */
 typedef struct {
     uint32_t tick;   /**< fast interrupts since init; 0 = no fault yet */
@@ -75,6 +78,8 @@ typedef struct {
     uint16_t end_counts;   /**< PWM counts from the period's start to the interrupt's end */
     uint16_t off_legs;     /**< legs that stay off while the drive runs, a state word */
     uint16_t rotor_faults; /**< with magnets: what the encoder's counts say in this period */
+    uint16_t vdc_acts;     /**< HT_LIMIT_VDC_...: which limit acted since the last slow interrupt */
+    uint16_t limits;       /**< HT_LIMIT_...: which limits act */
     uint16_t stuck_leg;    /**< leg whose sensor and trip latch are checked next */
     ht_samples samples;    /**< latest */
     volatile uint32_t position_now;

@@ -240,13 +240,22 @@ static void follow_reference(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
     ht_speed_config speed = c->speed;
+    uint16_t vdc_acts = d->vdc_acts; /* one that acts in between acts again */
     speed.torque_limit_Nm = d->torque_limit_Nm;
+    d->vdc_acts = 0u;
+    if (vdc_acts != 0u) {
+        ht_speed_follow(&d->speed, d->in.torque_ref_Nm); /* the regulator goes on from there */
+    }
     if (v[HT_P_control_mode] != 0.0f) {
         d->torque_ref_Nm = ht_limited(v[HT_P_torque_ref_Nm], d->torque_limit_Nm);
         ht_speed_follow(&d->speed, d->torque_ref_Nm); /* no step on the return to speed mode */
     } else {
         float error = (v[HT_P_speed_ref_rpm] - d->speed_rpm) * (PI_F / 30.0f);
         d->torque_ref_Nm = ht_speed_step(&speed, &d->speed, error);
+    }
+    d->limits = vdc_acts;
+    if ((d->torque_ref_Nm >= d->torque_limit_Nm) || (d->torque_ref_Nm <= -d->torque_limit_Nm)) {
+        d->limits = (uint16_t)(vdc_acts | (unsigned)HT_LIMIT_TORQUE);
     }
 }
 

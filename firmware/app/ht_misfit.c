@@ -123,8 +123,50 @@ static bool magnets_fit(const float *v, uint16_t misfit)
     return result;
 }
 
-static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
+/* Periods from a voltage to the torque that answers it, and the share of the band within which the
+ * voltage may move meanwhile. */
+#define VDC_PERIODS 3.0f
+#define VDC_SHARE 0.33333333f
+
+float ht_misfit_band_V(const ht_params *p)
 {
+    const float *v = p->v;
+    float most_rad_s = v[HT_P_speed_trip_rpm] * (PI_F / 30.0f);
+    float base_rad_s = v[HT_P_vdc_max_V] / (ROOT_3 * v[HT_P_pole_pairs] * v[HT_P_flux_ref_Wb]);
+    float level_V = (v[HT_P_vdc_low_V] > 0.0f) ? v[HT_P_vdc_low_V] : v[HT_P_vdc_high_V];
+    float power_W = v[HT_P_torque_limit_Nm] * ((base_rad_s < most_rad_s) ? base_rad_s : most_rad_s);
+    if (!(level_V > 0.0f) || !(v[HT_P_link_F] > 0.0f)) {
+        return 0.0f;
+    }
+    return power_W * VDC_PERIODS / (VDC_SHARE * v[HT_P_f_isr_Hz] * level_V * v[HT_P_link_F]);
+}
+
+/* What the limits of the dc link demand where there are any. */
+static bool vdc_fits(const ht_params *p, uint16_t misfit)
+{
+    const float *v = p->v;
+    float low_V = v[HT_P_vdc_low_V];
+    float high_V = v[HT_P_vdc_high_V];
+    bool result = true;
+    switch ((ht_misfit)misfit) {
+    case HT_MISFIT_VDC_LOW:
+        result = (low_V == 0.0f) || (low_V > 1.03f * v[HT_P_vdc_min_V]);
+        break;
+    case HT_MISFIT_VDC_LEVELS:
+        result = (low_V == 0.0f) || (high_V == 0.0f)
+                 || ((high_V - 2.0f * v[HT_P_vdc_band_V]) > low_V);
+        break;
+    case HT_MISFIT_VDC_BAND:
+    default:
+        result = v[HT_P_vdc_band_V] >= ht_misfit_band_V(p);
+        break;
+    }
+    return result;
+}
+
+static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
+{
+    const float *v = p->v;
     float f_isr_Hz = v[HT_P_f_isr_Hz];
     float period = pwm_clock_Hz / f_isr_Hz;
     float write = v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz;
@@ -179,6 +221,11 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_WINDING_ALIKE:
         result = (ht_winding_of(v) == HT_WINDING_30) || sets_fit(v, misfit);
         break;
+    case HT_MISFIT_VDC_LOW:
+    case HT_MISFIT_VDC_LEVELS:
+    case HT_MISFIT_VDC_BAND:
+        result = vdc_fits(p, misfit);
+        break;
     default:
         result = in_order(v, &table[misfit - 1u]);
         break;
@@ -189,7 +236,7 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
 ht_misfit ht_misfit_of(const ht_params *p, float pwm_clock_Hz)
 {
     uint16_t misfit = 1u;
-    while ((misfit < (uint16_t)HT_MISFITS) && fits(p->v, pwm_clock_Hz, misfit)) {
+    while ((misfit < (uint16_t)HT_MISFITS) && fits(p, pwm_clock_Hz, misfit)) {
         misfit++;
     }
     return (misfit < (uint16_t)HT_MISFITS) ? (ht_misfit)misfit : HT_MISFIT_NONE;

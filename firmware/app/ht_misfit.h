@@ -32,6 +32,11 @@ uint16_t ht_counts_up(float time_us, float clock_Hz);
 /** NULL if there is no such misfit. */
 const ht_misfit_info *ht_misfit_describe(uint16_t misfit);
 
+/** Least `vdc_band_V` that the capacitor holds; 0 without a limit or a known capacitor. The largest
+ *  power is that of the torque limit where the voltage no longer turns the flux reference; beyond that
+ *  speed the torque falls. */
+float ht_misfit_band_V(const ht_params *p);
+
 /** The first misfit of parameters that are each in range. */
 ht_misfit ht_misfit_of(const ht_params *p, float pwm_clock_Hz);
 

@@ -271,6 +271,16 @@ _MOST: dict[int, Callable[[Callable[[str], Any]], float]] = {
 }
 
 
+def _least_band_V(value_of: Callable[[str], Any]) -> float:
+    """Least `vdc_band_V` that the capacitor holds."""
+    values = [row.parse(value_of(name)) for name, row in parameters().items()]
+    return float(lib.ht_misfit_band_V(ffi.new("ht_params *", [values])))
+
+
+#: The same with its least value.
+_LEAST: dict[int, Callable[[Callable[[str], Any]], float]] = {lib.HT_MISFIT_VDC_BAND: _least_band_V}
+
+
 def misfit_text(misfit: int, value_of: Callable[[str], Any]) -> str:
     """Why parameters do not fit together. misfit: what the firmware said (ht_misfits.def);
     value_of: the value that was asked for, or is in force, by the parameter's name."""
@@ -306,6 +316,8 @@ def misfit_reason(misfit: int, value_of: Callable[[str], Any]) -> str:
             most = f"{_MOST[misfit](value_of):.4g} {first.unit}".rstrip()
             least = f"{first.min:.4g} " if first.min else "up "
             allowed = f"allowed is {least}to {most}: "
+        if misfit in _LEAST:
+            allowed = f"allowed is {_LEAST[misfit](value_of):.4g} {first.unit} and more: "
         return f"{', '.join(both)}: {allowed}{_text(lib.ht_misfit_demand(misfit))}"
     share = decimal(row.share)
     word = "allowed is up to" if row.touch else "must be below"

@@ -12,6 +12,7 @@ from ..plant import breaks, machines
 from ..plant.edges import EdgeLog, Edges
 from ..plant.gates import gates_record
 from ..plant.legs import KINDS, MAX_BREAKS
+from ..plant.link import V
 from ..plant.load import load_record
 from ..plant.loop import (
     MAX_STEP_S,
@@ -43,7 +44,8 @@ class Hardware:
     """What a simulated drive has more than a board: access to its machine, inverter, load and
     sensors.
 
-    load_Nm, vdc_V: torque of the load and voltage of the dc link now; period_s: control period;
+    load_Nm, vdc_V: torque of the load and voltage of the dc link now, or of the link's source if
+    there is `inverter.link_F`; link_V: true voltage of the link; period_s: control period;
     periods: how many have passed; plant_state: (8,) the machine's state as its model has it, [6] is
     the speed of the shaft in rad/s; machine: the model's parameters; sensors, inverter: numpy
     records of the plant's, which may be changed between two runs.
@@ -131,6 +133,12 @@ class Hardware:
     def speed_rpm(self) -> float:
         """True speed of the machine, in r/min."""
         return self.plant_state[6] * 30 / math.pi
+
+    @property
+    def link_V(self) -> float:
+        """True voltage of the dc link."""
+        link = self.inverter.link
+        return float(link.x[V]) if link.on else self.vdc_V
 
     def _advance(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         """Compute n periods, into rows for samples of the plant and for the firmware's channels.

@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import firmware
 from ..plant.inverter import DROPS, inverter_record, longest_step_s
+from ..plant.link import LINK_KEYS, charge, longest_link_step_s
 from ..plant.load import steepest_Nms
 from ..plant.loop import TIMING
 from ..plant.pwm import PWM_MAP
@@ -53,13 +54,23 @@ def inverter(setup: Setup, leads: Sequence[int], machine: np.record) -> np.recor
         leads,
         range_A=setup["sensors.i_full_A"],
         displacement_deg=setup.machine_values()["displacement_deg"],
-        **{name: setup[f"inverter.{name}"] for name in (*DROPS, "arc_V", "restrike_V_per_ms")},
+        **{
+            name: setup[f"inverter.{name}"]
+            for name in (*DROPS, *LINK_KEYS, "arc_V", "restrike_V_per_ms")
+        },
     )
+    charge(made.link, setup["inverter.vdc_V"])
     if made.devices.drops and longest_step_s(made, machine) < SHORTEST_STEP_S:
         raise SetupError(
             "inverter.v_switch_V, v_diode_V, r_switch_ohm, r_diode_ohm: too large for the "
             "machine's smallest leakage inductance, the simulation would need steps below "
             f"{SHORTEST_STEP_S * 1e6:g} us"
+        )
+    if made.link.on and longest_link_step_s(made.link, machine) < SHORTEST_STEP_S:
+        raise SetupError(
+            "inverter.link_F, source_ohm, source_H, chopper_ohm: with link_F = "
+            f"{made.link.link_F:g} the simulation would need steps below "
+            f"{SHORTEST_STEP_S * 1e6:g} us: give more capacitance or resistance"
         )
     return made
 

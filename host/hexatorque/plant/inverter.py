@@ -12,6 +12,9 @@ off. An open winding is off whatever the switches do: an arc carries its current
 the voltage `arc_V`, until the current reaches zero. After that its terminal takes any
 voltage, because no diode is connected to it. A contact that parts slowly may let the arc strike
 again: it withstands `arc_V` at first, and `restrike_V_per_s` more as time goes on.
+
+The dc link is stiff, or a capacitor (`link.py`). Then `vdc` is the voltage of its source where
+`advance` is called, and the link's own inside, anew in every Runge-Kutta stage.
 """
 
 from __future__ import annotations
@@ -23,6 +26,20 @@ import numpy as np
 from .breaks import COMING
 from .compiled import compiled, source_hash
 from .legs import BLOCKED, BREAK, HIGH, LOW, LOWER, OFF, OPEN, UPPER, WHOLE
+from .link import (
+    LINK,
+    LINK_KEYS,
+    LOCATED,
+    accept_link,
+    add_link_stage,
+    begin_link,
+    beyond_link,
+    end_link,
+    keep_link,
+    longest_link_step_s,
+    put_back_link,
+    switch_link,
+)
 from .machine import (
     coast,
     common_part,
@@ -121,6 +138,7 @@ INVERTER = np.dtype(
         ("contact", CONTACT),
         ("coming", COMING),
         ("devices", DEVICES),
+        ("link", LINK),
         ("transform", "f8", (4, 6)),  # leg voltages to alpha, beta, x, y: how the leads are
         ("star", "i8", (6,)),  # the star point behind each leg, 0 or 1
         ("v_leg", "f8", (6,)),  # leg voltages against the negative rail
@@ -148,11 +166,11 @@ def inverter_record(
     restrike_V_per_ms: float = 0.0,
     range_A: float = 0.0,
     displacement_deg: float = 30.0,
-    **drops: float,
+    **others: float,
 ) -> np.record:
     """All legs off and whole, no current. `leads`: the machine's phase on each leg; `range_A`: the
     current sensors' range, which decides the knee; `displacement_deg`: of the winding's sets;
-    `drops`: any of DROPS, otherwise zero."""
+    `others`: any of DROPS and LINK_KEYS, otherwise zero."""
     inverter = np.zeros(1, INVERTER).view(np.recarray)[0]
     inverter.leg = inverter.command = OFF
     inverter.off = 6
@@ -160,10 +178,12 @@ def inverter_record(
     inverter.star = [phase % 2 for phase in leads]
     inverter.contact.arc_V = arc_V
     inverter.contact.restrike_V_per_s = 1e3 * restrike_V_per_ms
-    inverter.devices.drops = any(drops.values())
     inverter.devices.knee_A = max(KNEE_A, range_A / KNEES)
-    for name, value in drops.items():
-        inverter.devices[name] = value
+    for name, value in others.items():
+        part = inverter.link if name in LINK_KEYS else inverter.devices
+        part[name] = value
+    inverter.devices.drops = any(inverter.devices[name] for name in DROPS)
+    inverter.link.on = inverter.link.link_F > 0
     return inverter
 
 
@@ -354,11 +374,42 @@ def _subtract_drops(inv, m, y, vdc):
 
 
 @compiled
+def _at_rails(inv, vdc):
+    """Voltages of all legs with ideal devices: their rails, and 0 where they float."""
+    for leg in range(6):
+        state = inv.leg[leg]
+        if state == OFF:
+            inv.v_leg[leg] = vdc if inv.diode[leg] < 0 else 0.0
+            if inv.contact.broken[leg] == OPEN and inv.diode[leg] != 0:
+                if inv.command[leg] != OFF:
+                    inv.v_leg[leg] = vdc if inv.command[leg] == HIGH else 0.0
+                inv.v_leg[leg] -= inv.diode[leg] * inv.contact.arc_V
+        else:
+            inv.v_leg[leg] = vdc if state == HIGH else 0.0
+
+
+@compiled
+def _taken_A(inv, m, y):
+    """Current that the legs take from the positive rail."""
+    common = common_part(m, y)
+    total = 0.0
+    for leg in range(6):
+        state = inv.leg[leg]
+        if state == OFF and inv.diode[leg] != 0:
+            state = HIGH if inv.diode[leg] < 0 else LOW
+            if inv.contact.broken[leg] == OPEN and inv.command[leg] != OFF:
+                state = inv.command[leg]
+        if state == HIGH:
+            total += current_with(m, y, common, leg)
+    return total
+
+
+@compiled
 def _step(inv, m, load, y, dt, vdc, floats, out):
     """One Runge-Kutta step from y to out with the present diodes. A drop follows the
-    current and a floating leg's voltage the induced voltage, so every stage finds
-    them anew."""
-    if inv.devices.drops == 0 and not floats:
+    current, a floating leg's voltage the induced voltage and a capacitor's its charge, so every
+    stage finds them anew. The capacitor's new state is the link's `trial`."""
+    if inv.devices.drops == 0 and inv.link.on == 0 and not floats:
         rk4_step(m, load, y, inv.v, dt, out, inv.k, inv.z)
         return
     total = inv.z[0]
@@ -366,7 +417,12 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
     for r in range(8):
         total[r] = 0.0
         stage[r] = y[r]
+    if inv.link.on != 0:
+        begin_link(inv.link)
     for n in range(4):
+        if inv.link.on != 0:
+            vdc = inv.link.stage[0]
+            _at_rails(inv, vdc)
         if inv.devices.drops != 0:
             _subtract_drops(inv, m, stage, vdc)
         if floats:
@@ -376,9 +432,13 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
             derivative(m, load, stage, inv.v, inv.k)
         weight = 2.0 if n == 1 or n == 2 else 1.0
         reach = dt if n == 2 else 0.5 * dt
+        if inv.link.on != 0:
+            add_link_stage(inv.link, _taken_A(inv, m, stage), weight, reach)
         for r in range(8):
             total[r] += weight * inv.k[r]
             stage[r] = y[r] + reach * inv.k[r]
+    if inv.link.on != 0:
+        end_link(inv.link, dt)
     for r in range(8):
         out[r] = y[r] + dt / 6.0 * total[r]
 
@@ -444,16 +504,7 @@ def _strike_again(inv, vdc):
 @compiled
 def _leg_voltages(inv, m, load, y, vdc):
     """Set the leg voltages. Returns True if any leg floats."""
-    for leg in range(6):
-        state = inv.leg[leg]
-        if state == OFF:
-            inv.v_leg[leg] = vdc if inv.diode[leg] < 0 else 0.0
-            if inv.contact.broken[leg] == OPEN and inv.diode[leg] != 0:
-                if inv.command[leg] != OFF:
-                    inv.v_leg[leg] = vdc if inv.command[leg] == HIGH else 0.0
-                inv.v_leg[leg] -= inv.diode[leg] * inv.contact.arc_V
-        else:
-            inv.v_leg[leg] = vdc if state == HIGH else 0.0
+    _at_rails(inv, vdc)
     if inv.devices.drops != 0:
         _subtract_drops(inv, m, y, vdc)
     floats = _find_floating(inv, m, y)
@@ -616,8 +667,65 @@ def _only_open(inv):
 
 
 @compiled
-def _advance_off(inv, m, load, y, dt, vdc):
-    """Advance with at least one leg off."""
+def _step_to_switching(inv, m, load, y, h, vdc, floats):
+    """If the link's diode or chopper change in a step of h from y to `inv.trial`: step to just
+    beyond that instant instead. Returns the time taken."""
+    late = beyond_link(inv.link, inv.link.trial)
+    if late <= 2.0 * LOCATED:
+        return h
+    early = beyond_link(inv.link, inv.link.x) - LOCATED
+    late -= LOCATED
+    trial = inv.trial[:]
+    t0, t1, t = 0.0, h, h
+    side = 0
+    for _ in range(MAX_SECANTS):
+        t = t0 + (t1 - t0) * early / (early - late)
+        _step(inv, m, load, y, t, vdc, floats, trial)
+        beyond = beyond_link(inv.link, inv.link.trial) - LOCATED
+        if abs(beyond) < 0.5 * LOCATED:
+            break
+        if beyond > 0.0:
+            t1, late = t, beyond
+            if side > 0:
+                early *= 0.5
+            side = 1
+        else:
+            t0, early = t, beyond
+            if side < 0:
+                late *= 0.5
+            side = -1
+    return t
+
+
+@compiled
+def _advance_link_alone(inv, dt, longest):
+    """Advance the link while no leg has a current. Steps are halved until they end where diode or
+    chopper change."""
+    left = dt
+    taken = longest
+    while left > 1e-15:
+        switch_link(inv.link)
+        taken = min(left, longest, 2.0 * taken)
+        for _ in range(40):
+            begin_link(inv.link)
+            for n in range(4):
+                weight = 2.0 if n == 1 or n == 2 else 1.0
+                add_link_stage(inv.link, 0.0, weight, taken if n == 2 else 0.5 * taken)
+            end_link(inv.link, taken)
+            if beyond_link(inv.link, inv.link.trial) <= 2.0 * LOCATED:
+                break
+            taken *= 0.5
+        accept_link(inv.link)
+        left -= taken
+
+
+@compiled
+def _advance_in_parts(inv, m, load, y, dt, source_V):
+    """Advance with at least one leg off, or with a capacitor as the link."""
+    vdc = source_V
+    linked = inv.link.on != 0
+    if linked:
+        vdc = inv.link.x[0]
     if inv.off >= 3:
         _end_lone_currents(inv, m, y)
     if (
@@ -625,21 +733,28 @@ def _advance_off(inv, m, load, y, dt, vdc):
         and _currents_absent(inv)
         and coast(m, load, y, dt, vdc + 2.0 * inv.devices.v_diode_V)
     ):
+        if linked:
+            _advance_link_alone(inv, dt, longest_link_step_s(inv.link, m))
         return
     trial = inv.trial[:]
     none = np.int64(NO_LEG)
     left = dt
-    usual = OFF_STEP_S
+    usual = OFF_STEP_S if inv.off > 0 else dt
     if inv.contact.breaks > 0 and inv.contact.restrike_V_per_s == 0.0 and _only_open(inv):
         usual = OPEN_STEP_S
     if inv.devices.drops != 0:
         usual = min(usual, longest_step_s(inv, m))
+    if linked:
+        usual = min(usual, longest_link_step_s(inv.link, m))
     longest = usual
     guard = 0
     while left > 1e-15:
         guard += 1
         if guard > MAX_STEPS:
             raise ArithmeticError("inverter: diodes chatter, time does not advance")
+        if linked:
+            switch_link(inv.link)
+            vdc = inv.link.x[0]
         floats = _leg_voltages(inv, m, load, y, vdc)
         taken = left if left < longest else longest
         _step(inv, m, load, y, taken, vdc, floats, trial)
@@ -657,6 +772,12 @@ def _advance_off(inv, m, load, y, dt, vdc):
             if earliest < taken:
                 taken = earliest
                 crossing = none
+        if linked:
+            earliest = _step_to_switching(inv, m, load, y, taken, vdc, floats)
+            if earliest < taken:
+                taken = earliest
+                crossing = none
+            accept_link(inv.link)
         for r in range(8):
             y[r] = trial[r]
         for leg in range(6):
@@ -680,6 +801,8 @@ def keep(inv, y):
         for leg in range(6):
             inv.kept.diode[leg] = inv.diode[leg]
             inv.kept.open_s[leg] = inv.contact.open_s[leg]
+    if inv.link.on != 0:
+        keep_link(inv.link)
 
 
 @compiled
@@ -690,6 +813,8 @@ def put_back(inv, y):
         for leg in range(6):
             inv.diode[leg] = inv.kept.diode[leg]
             inv.contact.open_s[leg] = inv.kept.open_s[leg]
+    if inv.link.on != 0:
+        put_back_link(inv.link)
 
 
 @compiled
@@ -706,7 +831,8 @@ def _compile_advance(source: int):
 
     @compiled(cache=True)
     def advance(inv, m, load, y, dt, vdc):
-        """Advance the drive by dt with constant leg states.
+        """Advance the drive by dt with constant leg states; `vdc`: of the link, or of the source
+        if the link is a capacitor.
 
         One Runge-Kutta step suffices while every leg is driven, because the callers step from edge
         to edge, far below the machine's time constants. With drops, their slope at zero current
@@ -714,8 +840,10 @@ def _compile_advance(source: int):
         """
         if not source:
             return
-        if inv.off > 0:
-            _advance_off(inv, m, load, y, dt, vdc)
+        if inv.link.on != 0:
+            inv.link.source_V = vdc
+        if inv.off > 0 or inv.link.on != 0:
+            _advance_in_parts(inv, m, load, y, dt, vdc)
             return
         if inv.devices.drops != 0:
             steps = int(np.ceil(dt / longest_step_s(inv, m)))

@@ -25,6 +25,7 @@ from .breaks import push_breaks
 from .compiled import compiled, source_hash
 from .gates import suppress_short_pulses
 from .inverter import advance, keep, put_back, set_leg, to_rails
+from .link import link_V
 from .machine import rk4_step, rk4_two_steps, stator_currents, torque_Nm
 from .pwm import pwm_segment
 from .sensors import filter_currents, sample
@@ -140,14 +141,16 @@ def _compile_follow(source: int):
     @compiled(cache=True)
     def follow(plant, vdc, ps, n, c0, c1, tm, instants, k, out, row):
         """Advance the machine over counts c0..c1 along the n edges of the PWM's state; earlier
-        edges have been taken already. Record it at the `instants` (`sample_instants`) from number k
-        on: sample k goes to row + k of `out`. Returns the next k."""
+        edges have been taken already. `vdc`: as in `advance`. Record it at the `instants`
+        (`sample_instants`) from number k on: sample k goes to row + k of `out`. Returns the next
+        k."""
         if not source:
             return k
         m, load, inv, se, y = plant
         trial0 = inv.trial[:]
-        trial1 = inv.kept.y[:]  # `keep` uses it only while a leg is off, or with drops
+        trial1 = inv.kept.y[:]  # `keep` uses it where `advance` is called
         known = False  # whether inv.v belongs to the legs
+        ideal = inv.devices.drops == 0 and inv.link.on == 0
         now = c0
         tick = instants[k]
         e = 0
@@ -166,7 +169,7 @@ def _compile_follow(source: int):
             if e < n:
                 stop = min(stop, ps.count[e])
             there = tick < stop
-            if inv.off == 0 and inv.devices.drops == 0:
+            if ideal and inv.off == 0:
                 # What `advance` does then. The voltages are kept from edge to edge.
                 if not known:
                     to_rails(inv, vdc)
@@ -261,7 +264,7 @@ def _compile_run_periods(source: int):
                 count = push_breaks(inv.coming, ps, first + period, none, tm.write_count, count)
             k = follow(plant, vdc, ps, count, none, tm.sample_count,
                        tm, instants, none, plant_out, row)  # fmt: skip
-            sample(plant.sensors, plant.machine, plant.y, vdc, regs)
+            sample(plant.sensors, plant.machine, plant.y, link_V(inv.link, vdc), regs)
             fast_isr(handle)
             if (first + period) % tm.slow_every == 0:
                 slow_isr(handle)

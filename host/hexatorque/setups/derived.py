@@ -131,6 +131,7 @@ ALWAYS: dict[str, Rule] = {
     "dead_time_us": Rule("the inverter's", lambda k: k.setup["inverter.dead_time_us"]),
     "i_full_A": Rule("the sensors'", lambda k: k.setup["sensors.i_full_A"]),
     "vdc_full_V": Rule("the sensors'", lambda k: k.setup["sensors.vdc_full_V"]),
+    "link_F": Rule("the dc link's", lambda k: k.setup["inverter.link_F"]),
     "encoder_counts_rev": Rule(
         "4 counts a pulse of the encoder", lambda k: 4 * k.setup["sensors.encoder_ppr"]
     ),
@@ -366,6 +367,7 @@ OPEN: dict[str, Rule] = {
         lambda k: min(1.4 * k.vdc_V, 0.94 * k.setup["sensors.vdc_full_V"]),
     ),
     "vdc_min_V": Rule("60 % of Vdc", lambda k: 0.6 * k.vdc_V),
+    "vdc_band_V": Rule("4 % of Vdc, but at least 0.1 V", lambda k: max(0.04 * k.vdc_V, 0.1)),
 }
 
 #: Rules that a rotor with magnets has no use for.

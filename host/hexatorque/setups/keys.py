@@ -109,6 +109,12 @@ KEYS: dict[str, dict[str, Key]] = {
     },
     "inverter": {
         "vdc_V": _n("dc-link voltage", "V", 1, MOST_V),
+        "link_F": _n("capacitor of the dc link, fed from vdc_V; 0: a stiff link", "F", 0, 10, 0.0),
+        "source_ohm": _n("resistance of the link's source", "ohm", 1e-4, 1e3, 0.1),
+        "source_H": _n("inductance of the link's source", "H", 0, 1, 0.0),
+        "chopper_ohm": _n("resistance of the braking chopper, 0: none", "ohm", 0, 1e5, 0.0),
+        "chopper_on_V": _n("the chopper comes on at this voltage", "V", 0, MOST_V, 0.0),
+        "chopper_off_V": _n("and goes off at this one", "V", 0, MOST_V, 0.0),
         "dead_time_us": _n("dead time", "us", 0, 20),
         "min_pulse_us": _n("gate pulses shorter than this are suppressed", "us", 0, 10, 0.0),
         "v_switch_V": _n("threshold voltage of a conducting switch", "V", 0, 10, 0.0),
@@ -228,6 +234,9 @@ def foreign(values: Iterable[str], model: str) -> list[str]:
 #: What 0 means, and the smallest other value: far below any machine's, and computable.
 ZERO_OR_AT_LEAST = {
     "machine.psi_knee_Wb": ("linear", 1e-3),  # smaller ones overflow the power law
+    "inverter.link_F": ("a stiff link", 1e-6),
+    "inverter.source_H": ("none", 1e-7),
+    "inverter.chopper_ohm": ("none", 1e-3),
     "rated.torque_Nm": ("not known", 1e-4),
     "rated.speed_rpm": ("not known", 1e-2),
     "rated.current_A": ("not known", 1e-3),
@@ -244,7 +253,7 @@ PROFILE: dict[str, Key] = {
     "duration_s": _n("simulated time", "s", 0.001, 3600),
     "speed_rpm": Key("steps", "speed reference", "r/min", -MOST_RPM, MOST_RPM),
     "load_Nm": Key("steps", "load torque", "N m", -MOST_NM, MOST_NM),
-    "vdc_V": Key("steps", "dc-link voltage", "V", 0, MOST_V),
+    "vdc_V": Key("steps", "dc-link voltage; with link_F that of its source", "V", 0, MOST_V),
     "set": Key("entries", "parameters in flight: [[time_s, name, value], ...]"),
     "broken": Key("entries", "legs that break: [[time_s, phase, kind], ...]"),
     "samples_per_period": Key("samples", "samples of the plant per control period"),

@@ -361,6 +361,16 @@ def _fits(d: Design) -> Iterator[Finding]:
         "vdc_min_V below the link", p("vdc_min_V"), 0.95 * d.vdc_V, "V",
         "lower controller.vdc_min_V",
     )  # fmt: skip
+    if p("vdc_high_V") > 0:
+        yield at_least(
+            "vdc_high_V - vdc_band_V above the link", p("vdc_high_V") - p("vdc_band_V"), d.vdc_V,
+            "V", "raise controller.vdc_high_V: below the source's voltage the drive would push",
+        )  # fmt: skip
+    if p("vdc_low_V") > 0:
+        yield at_most(
+            "vdc_low_V + vdc_band_V below the link", p("vdc_low_V") + p("vdc_band_V"), d.vdc_V, "V",
+            "lower controller.vdc_low_V: above the source's voltage the drive could not drive",
+        )  # fmt: skip
     yield at_least(
         "flux_trip_Wb", p("flux_trip_Wb"), 1.2 * d.flux_Wb, "Wb",
         "raise controller.flux_trip_Wb above flux_ref_Wb",

@@ -191,7 +191,30 @@ def inconsistent(setup: Setup) -> list[str]:
         lines.append(f"{energies[0]} needs {' and '.join(missing)} above 0: where it is stated")
     if setup["inverter.vdc_V"] > setup["sensors.vdc_full_V"]:
         lines.append("inverter.vdc_V is above sensors.vdc_full_V")
+    lines += _link_lines(setup)
     lines += setup.profile.too_late()
+    return lines
+
+
+def _link_lines(setup: Setup) -> list[str]:
+    """The same about the dc link: a chopper below its source would heat with the source's energy,
+    and without a capacitor there is nothing that it could change."""
+    lines = []
+    if setup["inverter.chopper_ohm"] > 0:
+        off_V, on_V = setup["inverter.chopper_off_V"], setup["inverter.chopper_on_V"]
+        highest_V = max([setup["inverter.vdc_V"], *(volts for _, volts in setup.profile.vdc_V)])
+        if setup["inverter.link_F"] == 0:
+            lines.append("inverter.chopper_ohm needs inverter.link_F above 0: a stiff link holds")
+        if off_V <= highest_V:
+            lines.append(
+                f"inverter.chopper_off_V = {off_V:g}: allowed is more than {highest_V:g} V, "
+                "the source's voltage"
+            )
+        if on_V <= off_V:
+            lines.append(
+                f"inverter.chopper_on_V = {on_V:g}: allowed is more than {off_V:g} V, "
+                "inverter.chopper_off_V"
+            )
     return lines
 
 

@@ -137,6 +137,11 @@ NOT_ON_A_BOARD = {
     ),
     "inverter": (
         "vdc_V",
+        "source_ohm",
+        "source_H",
+        "chopper_ohm",
+        "chopper_on_V",
+        "chopper_off_V",
         "min_pulse_us",
         "arc_V",
         "restrike_V_per_ms",

@@ -134,7 +134,7 @@ def test_states_in_order_and_gates_in_build_and_run_only(bench):
 OF_CONTROL = (
     "torque_Nm", "torque_decided_Nm", "torque_ref_Nm", "torque_level", "psi_alpha_Wb",
     "psi_beta_Wb", "psi_x_Wb", "psi_y_Wb", "v_x_pu", "v_y_pu", "omega_sync_rad_s", "flux_level",
-    "flux_ref_Wb", "sector", "interrupt_us",
+    "flux_ref_Wb", "sector", "interrupt_us", "limits",
 )  # fmt: skip
 
 

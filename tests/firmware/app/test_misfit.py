@@ -82,6 +82,22 @@ CASES = {
         {"displacement_deg": "0", "scheme": "db-dtfc", "clamp": "alternating"},
         "carrier_turn = auto, displacement_deg = 0: where the sets are 0 or 60 degrees apart, both",
     ),
+    "VDC_HIGH": (
+        {"vdc_high_V": 390.0},
+        "vdc_high_V = 390 V: allowed is up to 0.97 vdc_max_V = 388 V",
+    ),
+    "VDC_LOW": (
+        {"vdc_low_V": 150.0},
+        "vdc_low_V = 150 V, vdc_min_V = 150 V: the level must be 0 (off), or above 1.03 times",
+    ),
+    "VDC_LEVELS": (
+        {"vdc_low_V": 300.0, "vdc_high_V": 320.0},
+        "vdc_band_V = 10 V, vdc_high_V = 320 V: less two bands the level must be above vdc_low_V",
+    ),
+    "VDC_BAND": (
+        {"vdc_high_V": 350.0, "link_F": 100e-6},
+        "vdc_band_V = 10 V, link_F = 0.0001 F: allowed is 74.23 V and more: within three",
+    ),
 }
 
 

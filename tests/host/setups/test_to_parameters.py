@@ -105,7 +105,10 @@ latency = "predicted"
 )
 def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_does(path):
     section, key = path.split(".")
-    common = {"timing.latency": "immediate", "inverter.e_ref_V": 600.0, "inverter.e_ref_A": 10.0}
+    common = {
+        "timing.latency": "immediate", "inverter.e_ref_V": 600.0, "inverter.e_ref_A": 10.0,
+        "inverter.link_F": 1e-3, "inverter.chopper_on_V": 800.0, "inverter.chopper_off_V": 700.0,
+    }  # fmt: skip
     induction = section != "machine" or key == "model" or key in constants_of("induction")
     setup = (
         setups.load("paper-b").changed({"machine.psi_knee_Wb": 1.0, **common})

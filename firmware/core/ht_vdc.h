@@ -1,0 +1,26 @@
+/** @file ht_vdc.h
+ *  Keeps the dc link between two levels: what a drive that brakes puts into its capacitor, and what one
+ *  takes from it whose source is lost. Torques in N m, speed in rad/s (mechanical).
+ */
+#ifndef HT_VDC_H
+#define HT_VDC_H
+
+typedef struct {
+    float high_V;     /**< no braking torque from here on */
+    float low_V;      /**< no driving torque from here down */
+    float above_V;    /**< above this `high_V` limits the torque; beyond any voltage: off */
+    float below_V;    /**< below this `low_V` does; negative: off */
+    float per_band;   /**< 1/V: one over the distance of each level from where it begins to limit */
+    float kp_Nms_rad; /**< of the speed PI: the drive brakes no harder to a standstill */
+} ht_vdc_config;
+
+/** Share of the torque limit that may drive the shaft to lower the voltage. At a reference of 0 the
+ *  tables' torque is some percent below it, so that a limit at 0 would not stop the charging. */
+#define HT_VDC_PUSH 0.1f
+
+/** `torque_Nm`, or the torque next to it that leaves the link of `vdc_V` within its levels at this
+ *  speed; `limit_Nm`: of the torque reference, either sign. */
+float ht_vdc_torque_Nm(const ht_vdc_config *cfg, float torque_Nm, float limit_Nm, float omega_rad_s,
+                       float vdc_V);
+
+#endif
