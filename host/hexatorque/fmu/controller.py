@@ -18,7 +18,7 @@ import numpy as np
 
 from .. import firmware, system
 from ..boards.tools import BuildError, program
-from ..chips import SOURCES
+from ..chips import EXACT, SOURCES
 from ..setups import Setup, SetupError, parameters
 from .description import IDENTIFIER, build_description, model_description
 from .variables import starts, variables
@@ -34,8 +34,6 @@ DEFINED = {
     "HT_FMU_MADE": f'"{MADE}"',
     "HT_INITIAL_VALUES": f'"{INITIAL}"',
 }
-#: Exact C99 arithmetic, on which equal bits depend.
-OPTIONS = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
 HIDDEN = ("-O2", "-shared", "-fvisibility=hidden")
 
 #: zig's names of systems -> folder in an FMU of version 2 and of version 3, suffix. There is no
@@ -87,7 +85,7 @@ def has_zig() -> bool:
 
 def _compiled(compiler: list[str], folder: Path, output: Path) -> bytes:
     files = sorted(path.name for path in folder.glob("*.c"))
-    command = [*compiler, *OPTIONS, *HIDDEN, "-o", str(output), *files, "-lm"]
+    command = [*compiler, *EXACT, *HIDDEN, "-o", str(output), *files, "-lm"]
     if output.suffix != ".dll":
         command.insert(len(compiler), "-fPIC")
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
@@ -173,7 +171,7 @@ def write(
             archive.writestr(name, image)
         for name, text in files.items():
             archive.writestr(f"sources/{name}", text)
-        archive.writestr("sources/buildDescription.xml", build_description(code, " ".join(OPTIONS)))
+        archive.writestr("sources/buildDescription.xml", build_description(code, " ".join(EXACT)))
         archive.writestr("documentation/licenses/license.txt", licence())
     return [name.split("/")[1] for name in binaries]
 
