@@ -10,8 +10,9 @@ import numpy as np
 from ..plant import loop, machine
 from ..plant.gates import GATES
 from ..plant.inverter import INVERTER
-from ..plant.load import LOAD
+from ..plant.load import LOAD, set_load, shaft_step_s
 from ..plant.pwm import PWM, PWM_MAP
+from ..plant.record import names_of
 from ..plant.sensors import SENSORS
 from .translator import COMPLEX_TYPE, HELPERS, Translator
 from .types import INT, REAL, SINGLE, UINT, WORD, Array, Entry, Table
@@ -68,7 +69,28 @@ def translate(kind: np.dtype) -> dict[str, str]:
         [INT, INT, timing, plant, REAL, chip, Entry(1), Entry(1), Entry(2), samples, INT],
         "plant_run_periods",
     )
+    m, load, inverter = (kind for _, kind in plant.fields[:3])
+    row = Array(SINGLE, (None,))
+    t.function(loop._record, [row, m, inverter, y, Array(REAL, (4,))], "plant_look")
+    t.function(machine.phase_current, [m, y, INT], "plant_current_A")
+    t.function(set_load, [load, INT, REAL, REAL], "plant_set_load")
+    t.function(shaft_step_s, [load, REAL, REAL, REAL, REAL], "plant_shaft_step_s")
     return files(t)
+
+
+def initialiser(part: np.record | np.ndarray) -> str:
+    """The value of a record or an array in C."""
+    if isinstance(part, np.void):
+        rows = [f".{name} = {initialiser(part[name])}" for name in names_of(part.dtype)]
+        return f"{{{', '.join(rows)}}}"
+    if part.shape:
+        return f"{{{', '.join(initialiser(one) for one in part.ravel())}}}"
+    number = part.item()
+    if isinstance(number, complex):
+        return f"{{{number.real!r}, {number.imag!r}}}"
+    if part.dtype == np.uint64:
+        return f"UINT64_C({number})"
+    return repr(number) if isinstance(number, float) else f"INT64_C({number})"
 
 
 def files(t: Translator) -> dict[str, str]:

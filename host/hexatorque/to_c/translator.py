@@ -271,7 +271,7 @@ class Translator:
         """Translate the function for arguments of these types. public: its name, if others than
         translated functions call it."""
         python = source_of(self._choose(called, kinds))
-        key = (python, tuple(kinds))
+        key = (python, tuple(kinds), public)
         if key not in self._made:
             body = Function(self, python, kinds)
             returns, raises, text = body.translate()
