@@ -25,7 +25,7 @@ from wheel.wheelfile import WheelFile
 
 from hexatorque import system
 from hexatorque._firmware import ffi, lib
-from hexatorque.fmu.controller import OPTIONS
+from hexatorque.chips import EXACT
 
 ROOT = Path(__file__).resolve().parents[1]
 DIST = ROOT / "dist"
@@ -59,7 +59,7 @@ def compiled(name: str, source: Path, folder: Path) -> bytes:
     include = [f"-I{firmware / room}" for room in layout.FOLDERS]
     sources = [path for room in layout.FOLDERS for path in sorted((firmware / room).glob("*.c"))]
     words: list[str | Path] = [
-        *OPTIONS,
+        *EXACT,
         "-O3",
         "-s",
         "-shared",

@@ -1,4 +1,5 @@
-"""The names in the firmware's table of chips and boards, ht_chips.def, and numbers of its headers.
+"""The names in the firmware's table of chips and boards, ht_chips.def, numbers of its headers,
+and how it is compiled on a computer.
 
 They are read from the text: cmake/initial_values.py needs them where there is no compiled firmware.
 """
@@ -21,6 +22,9 @@ _TABLE = (SOURCES / "port" / "c2000" / "ht_chips.def").read_text(encoding="utf-8
 DEVICES = tuple(re.findall(r"^HT_CHIP\((\w+),", _TABLE, re.M))
 #: The boards with them.
 BOARDS = tuple(re.findall(r"^HT_CHIP_BOARD\(\w+, (\w+)\)", _TABLE, re.M))
+
+#: Options of a C compiler for exact C99 arithmetic, on which equal bits depend.
+EXACT = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
 
 
 def number_of(header: str, name: str) -> float:

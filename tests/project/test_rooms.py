@@ -24,7 +24,7 @@ NO_CIRCLE = {
 FLOORS = (
     {"build", "chips", "errors", "plant", "system"},
     {"parallel"},
-    {"given", "results"},
+    {"given", "results", "to_c"},
     {"firmware"},
     {"laws", "recording", "setups"},
     {"serial"},

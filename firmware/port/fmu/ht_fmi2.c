@@ -156,7 +156,7 @@ FMI2(fmi2Status, fmi2Reset, (fmi2Component c))
 /* FMI 2 reads and writes a choice as an integer. */
 static uint16_t whole_or_choice(fmi2ValueReference reference)
 {
-    uint16_t kind = ht_fmu_kind(reference);
+    uint16_t kind = ht_fmu_kind(HT_FMU_THIS, reference);
     return (kind == HT_FMU_CHOICE) ? kind : (uint16_t)HT_FMU_WHOLE;
 }
 

@@ -17,24 +17,10 @@
 #define HT_FMU_VDC_V 0
 #endif
 
-/* With the suffix of a long double: a constant without one might be a float. */
-#define TWO_PI ((double)6.283185307179586476925287L)
+/* A constant without a suffix might be a float. */
 #define HALF ((double)0.5f)
 /* A step may differ from whole periods by this share: times are sums of rounded numbers. */
 #define STEP_SHARE ((double)1.0e-6L)
-/* Positions beyond this have no whole counts as double. */
-#define MOST_COUNTS ((double)9.0e15L)
-/* eQEP: registers and bits (docs/firmware.md) */
-#define QCAPCTL 0x16u
-#define QEPSTS 0x1Cu
-#define QCTMR 0x1Du
-#define QCPRD 0x1Eu
-#define CEN 0x8000u
-#define UPEVNT 0x80u
-#define QDF 0x20u
-#define COEF 0x08u
-#define CDEF 0x04u
-#define TIMER 0x10000
 #define TZ_OST 0x0004u
 #define ACTION_SET 2u
 
@@ -123,6 +109,7 @@ static ht_result make(ht_fmu_state *s)
     if (!ht_board_start(&s->port)) {
         return HT_ERROR_PORT;
     }
+    ht_fmu_outside_reset(s);
     return ht_drive_init(&s->drive, &s->port, &s->wanted);
 }
 
@@ -170,6 +157,11 @@ static double counts_of_period(const ht_fmu_state *s)
     return (double)word_of(s, s->port.leg[0] + s->port.map->tbprd) + (double)1.0f;
 }
 
+double ht_fmu_period_s(const ht_fmu_state *s)
+{
+    return counts_of_period(s) / (double)s->port.map->pwm_clock_Hz;
+}
+
 static bool starts_high(const ht_fmu_state *s, uint16_t leg)
 {
     const ht_c2000_map *m = s->port.map;
@@ -215,7 +207,10 @@ static double output(const ht_fmu_state *s, uint32_t row)
     if (row == HT_FMU_STATE) {
         return (double)s->drive.state;
     }
-    return (double)((row == HT_FMU_FAULTS) ? s->drive.faults : s->drive.warnings);
+    if ((row == HT_FMU_FAULTS) || (row == HT_FMU_WARNINGS)) {
+        return (double)((row == HT_FMU_FAULTS) ? s->drive.faults : s->drive.warnings);
+    }
+    return ht_fmu_outside_output(s, row);
 }
 
 static double parameter(const ht_fmu_state *s, uint16_t id)
@@ -233,7 +228,7 @@ static ht_fmu_status unknown(const ht_fmu *f, uint32_t reference)
 
 bool ht_fmu_get(const ht_fmu *f, uint16_t kind, uint32_t reference, double *value)
 {
-    if (ht_fmu_kind(reference) != kind) {
+    if (ht_fmu_kind(HT_FMU_THIS, reference) != kind) {
         (void)unknown(f, reference);
         return false;
     }
@@ -277,15 +272,14 @@ static ht_fmu_status put_input(ht_fmu *f, uint16_t row, double value)
         range_text(f, id, value, line);
         return ht_fmu_tell(f, HT_FMU_DISCARD, line);
     }
-    f->s.input[row] = value;
-    return HT_FMU_OK;
+    return ht_fmu_outside_put(f, row, value);
 }
 
 ht_fmu_status ht_fmu_put(ht_fmu *f, uint16_t kind, uint32_t reference, double value)
 {
     char line[HT_FMU_LINE];
     uint16_t id;
-    if (ht_fmu_kind(reference) != kind) {
+    if (ht_fmu_kind(HT_FMU_THIS, reference) != kind) {
         return unknown(f, reference);
     }
     if (reference == HT_FMU_TIME) {
@@ -354,110 +348,6 @@ ht_fmu_status ht_fmu_set_end(ht_fmu *f)
     return HT_FMU_OK;
 }
 
-/* --- sensors -------------------------------------------------------------------------------- */
-
-static void convert(ht_fmu_state *s, uint16_t channel, double counts)
-{
-    double whole = floor(counts + HALF);
-    uint16_t reading = (uint16_t)fmin(fmax(whole, (double)0.0f), (double)(HT_ADC_FULL - 1));
-    s->chip.word[s->port.map->adc_result[channel]] = (uint16_t)(reading << s->port.map->adc_shift);
-}
-
-/* Tick of the capture clock `way` counts after it showed `began`. */
-static int64_t tick_at(double began, double slope, double way)
-{
-    return (int64_t)floor(began + slope * way);
-}
-
-/* The capture unit: edges since the last sample, timed as if the speed between two samples were
- * constant. The plant's sensors.py has the same. */
-static void capture(ht_fmu_state *s, double counts, int64_t end, double system_clocks)
-{
-    ht_fmu_encoder *e = &s->encoder;
-    uint16_t *word = &s->chip.word[s->port.eqep];
-    uint16_t control = word[QCAPCTL];
-    uint16_t status = word[QEPSTS];
-    double began = e->ticks;
-    double before = e->position_counts;
-    int64_t start = e->counter;
-    int64_t crossed = (end > start) ? (end - start) : (start - end);
-    int64_t now;
-    e->position_counts = counts;
-    e->counter = end;
-    e->ticks += system_clocks / (double)(1u << ((control >> 4) & 7u));
-    now = (int64_t)floor(e->ticks);
-    if ((control & CEN) == 0u) {
-        e->event_tick = now;
-        return;
-    }
-    if (crossed != 0) {
-        bool forward = end > start;
-        double slope = (e->ticks - began) / (counts - before);
-        int64_t first = forward ? start : (start + 1);
-        int64_t step = forward ? 1 : -1;
-        int64_t unit = (int64_t)1 << (control & 15u);
-        int64_t events = (e->edges + crossed) / unit;
-        if (forward != ((status & QDF) != 0u)) {
-            status = (uint16_t)((status ^ QDF) | CDEF);
-        }
-        if (events > 0) {
-            int64_t k = unit - e->edges;
-            int64_t tick = tick_at(began, slope, (double)(first + k * step) - before);
-            if (tick - e->event_tick >= TIMER) {
-                status = (uint16_t)(status | COEF);
-            }
-            if (events > 1) { /* the period is between the last two */
-                k += (events - 1) * unit;
-                e->event_tick = tick_at(began, slope, (double)(first + (k - unit) * step) - before);
-                tick = tick_at(began, slope, (double)(first + k * step) - before);
-            }
-            word[QCPRD] = (uint16_t)((uint64_t)(tick - e->event_tick) & 0xFFFFu);
-            e->event_tick = tick;
-            status = (uint16_t)(status | UPEVNT);
-        }
-        e->edges += crossed - events * unit;
-    }
-    if (now - e->event_tick >= TIMER) {
-        e->event_tick += (now - e->event_tick) / TIMER * TIMER;
-        status = (uint16_t)(status | COEF);
-    }
-    word[QEPSTS] = status;
-    word[QCTMR] = (uint16_t)(now - e->event_tick);
-}
-
-static double counts_turned(const ht_fmu_state *s)
-{
-    double turned_rad = s->input[HT_FMU_POSITION] - s->encoder.zero_rad;
-    return turned_rad / TWO_PI * (double)s->drive.params.v[HT_P_encoder_counts_rev];
-}
-
-static double period_s(const ht_fmu_state *s)
-{
-    return counts_of_period(s) / (double)s->port.map->pwm_clock_Hz;
-}
-
-/* The converters' and the encoder's registers get what the inputs are. The sensors are ideal, with the
- * ranges that the firmware expects. */
-static void sample(ht_fmu_state *s)
-{
-    const ht_c2000_map *m = s->port.map;
-    const float *p = s->drive.params.v;
-    double per_A = (double)HT_ADC_FULL / ((double)2.0f * (double)p[HT_P_i_full_A]);
-    double per_V = (double)HT_ADC_FULL / (double)p[HT_P_vdc_full_V];
-    double turned = counts_turned(s);
-    int64_t counter = (int64_t)floor(turned);
-    uint16_t *position = &s->chip.word[s->port.eqep];
-    uint16_t leg;
-    for (leg = 0u; leg < HT_LEGS; leg++) {
-        convert(s, leg, s->input[HT_FMU_I + leg] * per_A + (double)HT_ADC_MID);
-    }
-    convert(s, HT_ADC_VDC, s->input[HT_FMU_VDC] * per_V);
-    s->chip.word[m->adc_flag] = (uint16_t)(s->chip.word[m->adc_flag] | m->adc_flag_bit);
-    position[0] = (uint16_t)((uint64_t)counter & 0xFFFFu);
-    position[1] = (uint16_t)(((uint64_t)counter >> 16) & 0xFFFFu);
-    capture(s, turned, counter, period_s(s) * (double)m->system_clock_Hz);
-}
-
 /* --- stepping ------------------------------------------------------------------------------- */
 
 static ht_fmu_status command(const ht_fmu *f, const char *name, ht_result result)
@@ -516,22 +406,10 @@ static ht_fmu_status take_commands(ht_fmu *f)
     return status;
 }
 
-static void pass_period(ht_fmu_state *s)
-{
-    const float *p = s->drive.params.v;
-    uint64_t slow_every = (uint64_t)(p[HT_P_f_isr_Hz] / p[HT_P_f_slow_Hz] + 0.5f);
-    sample(s);
-    ht_virtual_period(&s->drive);
-    if ((s->periods % slow_every) == 0u) {
-        ht_drive_slow_isr(&s->drive);
-    }
-    s->periods++;
-}
-
 ht_fmu_status ht_fmu_step(ht_fmu *f, double now_s, double step_s)
 {
     ht_fmu_state *s = &f->s;
-    double period = period_s(s);
+    double period = ht_fmu_period_s(s);
     double n = floor(step_s / period + HALF);
     char line[HT_FMU_LINE];
     ht_fmu_status status;
@@ -545,18 +423,17 @@ ht_fmu_status ht_fmu_step(ht_fmu *f, double now_s, double step_s)
                        step_s, period);
         return ht_fmu_tell(f, HT_FMU_DISCARD, line);
     }
-    if (!s->encoder.begun) {
-        s->encoder.zero_rad = s->input[HT_FMU_POSITION];
-        s->encoder.begun = true;
-    }
-    if (fabs(counts_turned(s)) > MOST_COUNTS) {
-        (void)snprintf(line, HT_FMU_LINE, "position_rad = %g: too large for the encoder",
-                       s->input[HT_FMU_POSITION]);
-        return ht_fmu_tell(f, HT_FMU_DISCARD, line);
+    status = ht_fmu_outside_begin(f);
+    if (status != HT_FMU_OK) {
+        return status;
     }
     status = worse(take_references(f), take_commands(f));
     for (; n >= (double)1.0f; n -= (double)1.0f) {
-        pass_period(s);
+        ht_fmu_status passed = ht_fmu_outside_period(f);
+        if (passed != HT_FMU_OK) {
+            return passed;
+        }
+        s->periods++;
     }
     s->time_s = now_s + step_s;
     return status;

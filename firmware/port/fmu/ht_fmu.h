@@ -1,6 +1,7 @@
 /** @file ht_fmu.h
- *  The controller FMU without the interface of a version of FMI: one drive on the register model of its
- *  chip, ideal sensors in front of it, and what the PWM's registers tell the power stage.
+ *  An FMU without the interface of a version of FMI: one drive on the register model of its chip. Around
+ *  it are ideal sensors in the controller FMU (ht_fmu_sensors.c), and the simulation's plant in the drive
+ *  FMU (ht_fmu_plant.c).
  *
  *  Host only: numbers are double here, as FMI has them.
  *
@@ -16,6 +17,13 @@
 #include "ht_drive.h"
 
 #include <stddef.h>
+
+#ifdef HT_FMU_PLANT
+#include "ht_fmu_plant.h"
+#define HT_FMU_THIS HT_FMU_DRIVE
+#else
+#define HT_FMU_THIS HT_FMU_CONTROLLER
+#endif
 
 /** How a call ends. The numbers are those of both versions of FMI. */
 typedef enum {
@@ -52,7 +60,12 @@ typedef struct {
     bool cleared;     /**< `clear` then */
     uint64_t periods;
     double time_s; /**< as the master counts it */
+#ifdef HT_FMU_PLANT
+    ht_fmu_plant plant;
+    int64_t broken[HT_LEGS]; /**< what the inputs said is broken, at the last step */
+#else
     ht_fmu_encoder encoder;
+#endif
     double input[HT_FMU_ROWS]; /**< by value reference; flags are 0 or 1 */
 } ht_fmu_state;
 
@@ -97,6 +110,21 @@ ht_fmu_status ht_fmu_set_end(ht_fmu *f);
 
 /** The master's time is `now_s` and will be `now_s + step_s`. */
 ht_fmu_status ht_fmu_step(ht_fmu *f, double now_s, double step_s);
+
+/* --- what is around the controller --- */
+
+/** As at the beginning. The chip and the port are, too. */
+void ht_fmu_outside_reset(ht_fmu_state *s);
+/** Take a finite value of an input. */
+ht_fmu_status ht_fmu_outside_put(ht_fmu *f, uint16_t row, double value);
+/** Value of an output that the controller does not have. */
+double ht_fmu_outside_output(const ht_fmu_state *s, uint32_t row);
+/** A step begins with these inputs. */
+ht_fmu_status ht_fmu_outside_begin(ht_fmu *f);
+/** A period passes, with the drive's interrupts. */
+ht_fmu_status ht_fmu_outside_period(ht_fmu *f);
+/** Length of a period. */
+double ht_fmu_period_s(const ht_fmu_state *s);
 
 /** Keep the state in `*kept`, a ht_fmu_kept, which is allocated if it is NULL. */
 ht_fmu_status ht_fmu_keep(const ht_fmu *f, void **kept);

@@ -1,4 +1,4 @@
-"""`fmu`: the controller for other simulation tools."""
+"""`fmu`: the controller or the whole drive for other simulation tools."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from .group import examples
     epilog=examples(
         "fmu mine.fmu --setup mine.toml",
         "fmu mine.fmu --setup mine.toml --fmi 3",
+        "fmu drive.fmu --setup mine.toml --kind drive",
         "fmu out/dtc3.fmu --setup paper-b --set controller.scheme=dtc3 --only-here",
         note="With pip install 'hexatorque[fmu]' the file has binaries for Linux, Windows and "
         "macOS, else for Linux alone.",
@@ -24,6 +25,12 @@ from .group import examples
 @options.setup("paper-a")
 @options.settings
 @click.option(
+    "--kind",
+    type=click.Choice(("controller", "drive")),
+    default="controller",
+    help="the controller alone, or with inverter, machine and sensors",
+)
+@click.option(
     "--fmi",
     "version",
     type=click.Choice(("2", "3")),
@@ -31,8 +38,8 @@ from .group import examples
     help="version of FMI, 2.0 or 3.0",
 )
 @click.option("--only-here", is_flag=True, help="no binaries for other systems")
-def fmu(file, setup, settings, version, only_here) -> int:
-    """Write the controller as an FMU, for co-simulation in Simulink, PLECS and other tools.
+def fmu(file, setup, settings, kind, version, only_here) -> int:
+    """Write the controller, or the whole drive, as an FMU, for co-simulation in other tools.
 
     The FMU has the whole firmware with its registers. Currents, voltage and shaft angle go in, what
     the power stage gets comes out. See docs/fmu.md.
@@ -47,7 +54,12 @@ def fmu(file, setup, settings, version, only_here) -> int:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         systems = controller.write(
-            file, loaded, int(version), only_here, lambda name: click.echo(f"compiling: {name}")
+            file,
+            loaded,
+            kind,
+            int(version),
+            only_here,
+            lambda name: click.echo(f"compiling: {name}"),
         )
     except OSError as error:
         raise options.Mistake(f"{file}: {error.strerror}") from None

@@ -66,7 +66,7 @@ class Hardware:
         model = machines.model(setup["machine.model"])
         self.machine = model.Parameters(**setup.machine_values())
         self._machine = model.make(self.machine)
-        self._flux_ref_Wb = setup.parameter("flux_ref_Wb")  # for the shaft's fastest swing
+        self._swing_per_s = parts.swing_per_s(setup, self._machine, setup.parameter("flux_ref_Wb"))
         self._windings_step_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))
         self._timing = parts.timing(setup, self.controller, self._windings_step_s)
         self._instants = sample_instants(samples_per_period, counts)
@@ -144,9 +144,7 @@ class Hardware:
         """Compute n periods, into rows for samples of the plant and for the firmware's channels.
         Both may be empty."""
         load = load_record(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
-        shaft_step_s = parts.shaft_step_s(
-            self.setup, self._machine, load, self.load_Nm, self._flux_ref_Wb
-        )
+        shaft_step_s = parts.shaft_step_s(self.setup, load, self.load_Nm, self._swing_per_s)
         longest_s = min(self._windings_step_s, shaft_step_s)
         self._timing.max_step = max(1, int(longest_s * self._timing.clock_Hz))
         instants = self._instants if len(plant) else NO_INSTANTS

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from .. import firmware
+from ..plant import load as loads
 from ..plant.inverter import DROPS, inverter_record, longest_step_s
 from ..plant.link import LINK_KEYS, charge, longest_link_step_s
-from ..plant.load import steepest_Nms
 from ..plant.loop import TIMING
 from ..plant.pwm import PWM_MAP
 from ..plant.record import names_of, record
@@ -20,9 +20,6 @@ from ..setups import Setup, SetupError
 
 #: Steps shorter than this are refused: the simulation would take too long.
 SHORTEST_STEP_S = 0.1e-6
-#: Longest step, relative to the shaft's shortest time constant. The error of a step is 1e-5 of what
-#: decays with it.
-SHAFT_SHARE = 0.25
 
 
 def timing(setup: Setup, controller: firmware.Controller, longest_s: float) -> np.record:
@@ -95,17 +92,18 @@ def sensors(setup: Setup, controller: firmware.Controller, period_s: float) -> n
     )
 
 
-def shaft_step_s(
-    setup: Setup, machine: np.record, load: np.record, load_Nm: float, flux_ref_Wb: float
-) -> float:
-    """Longest step for the shaft: a share of its shortest time constant, J over the slope of the
-    load torque, and of its fastest swing against the field. SetupError if it is so short that the
-    simulation would take too long."""
-    inertia_kgm2 = setup["machine.inertia_kgm2"]
-    slope_Nms = steepest_Nms(load, setup["load.at_rpm"], setup["machine.viscous_Nms"])
+def swing_per_s(setup: Setup, machine: np.record, flux_ref_Wb: float) -> float:
+    """The shaft's fastest swing against the field."""
     flux_Wb = setup["machine.pole_pairs"] * flux_ref_Wb
-    swing_per_s = flux_Wb * math.sqrt(3 * float(machine.inv_l_max) / inertia_kgm2)
-    step_s = SHAFT_SHARE / (slope_Nms / inertia_kgm2 + swing_per_s)
+    return flux_Wb * math.sqrt(3 * float(machine.inv_l_max) / setup["machine.inertia_kgm2"])
+
+
+def shaft_step_s(setup: Setup, load: np.record, load_Nm: float, swing_per_s: float) -> float:
+    """Longest step for the shaft. SetupError if it is so short that the simulation would take too
+    long."""
+    inertia_kgm2 = setup["machine.inertia_kgm2"]
+    at_rpm, viscous_Nms = setup["load.at_rpm"], setup["machine.viscous_Nms"]
+    step_s = float(loads.shaft_step_s(load, at_rpm, viscous_Nms, inertia_kgm2, swing_per_s))
     if step_s < SHORTEST_STEP_S:
         raise SetupError(
             f"machine.inertia_kgm2 = {inertia_kgm2:g}: too small for a load of {load_Nm:g} N m of "

@@ -1,4 +1,4 @@
-"""The controller FMU: sources, binaries and model description in one file."""
+"""The FMU of a controller or of a whole drive: sources, binaries, model description in one file."""
 
 from __future__ import annotations
 
@@ -18,9 +18,16 @@ import numpy as np
 
 from .. import firmware, system
 from ..boards.tools import BuildError, program
-from ..chips import SOURCES
+from ..chips import EXACT, SOURCES
+from ..drive.parts import SHORTEST_STEP_S
+from ..drive.simulated import SimulatedDrive
+from ..plant.breaks import breaks_of
+from ..plant.legs import KINDS, OPEN
+from ..plant.load import load_record
+from ..plant.load_kinds import LOADS
 from ..setups import Setup, SetupError, parameters
-from .description import IDENTIFIER, build_description, model_description
+from ..to_c import plant
+from .description import build_description, identifier, model_description
 from .variables import starts, variables
 
 #: Folders of the firmware that the FMU has; of the last one only one of the two interfaces.
@@ -28,14 +35,13 @@ FOLDERS = ("core", "app", "link", "port", "port/c2000", "port/host", "port/fmu")
 #: What `hexatorque fmu` writes for the sources.
 MADE = "ht_fmu_made.h"
 INITIAL = "ht_fmu_initial.h"
+DATA = "ht_plant_data.h"
 #: What the build system otherwise defines: a tool may compile without options.
 DEFINED = {
     "HT_GATES_ACTIVE_LOW": "0",
     "HT_FMU_MADE": f'"{MADE}"',
     "HT_INITIAL_VALUES": f'"{INITIAL}"',
 }
-#: Exact C99 arithmetic, on which equal bits depend.
-OPTIONS = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
 HIDDEN = ("-O2", "-shared", "-fvisibility=hidden")
 
 #: zig's names of systems -> folder in an FMU of version 2 and of version 3, suffix. There is no
@@ -49,26 +55,68 @@ ZIG = {
 HERE = system.zig_target()
 
 
-def _alone(text: str) -> str:
+def _alone(text: str, of: str) -> str:
     """Source text that needs no options: all headers lie in the same folder, and what it asks the
     build system for is defined in it."""
-    used = [f"#define {name} {value}" for name, value in DEFINED.items() if name in text]
+    defined = DEFINED | ({"HT_FMU_PLANT": "1"} if of == "drive" else {})
+    used = [f"#define {n} {v}" for n, v in defined.items() if re.search(rf"\b{n}\b", text)]
     flat = re.sub(r'(#include ")(?:[\w.]+/)+', r"\1", text)
     return "".join(f"{line}\n" for line in used) + flat
 
 
-def sources(setup: Setup, version: int) -> dict[str, str]:
+def sources(setup: Setup, of: str, version: int) -> dict[str, str]:
     """The files in `sources`: name -> text, without the one that has the token."""
     found = {}
     for folder in FOLDERS:
         for path in sorted((SOURCES / folder).iterdir()):
             other = path.name.startswith(f"ht_fmi{5 - version}")
             if path.suffix in (".c", ".h", ".def") and not other:
-                found[path.name] = _alone(path.read_text(encoding="utf-8"))
+                found[path.name] = _alone(path.read_text(encoding="utf-8"), of)
     literals = {name: repr(np.float32(v).item()) for name, v in starts(setup).items()}
     lines = [f"#define HT_INITIAL_{name} ({text}f)" for name, text in literals.items()]
     found[INITIAL] = "\n".join([f"/* The parameters of {setup.name}. */", *lines]) + "\n"
+    if of == "drive":
+        found |= _plant(setup)
     return found
+
+
+def _plant(setup: Setup) -> dict[str, str]:
+    """The plant in C and how it is at the beginning."""
+    sim = SimulatedDrive(setup)
+    parts = {
+        "machine": sim._machine, "load": load_record(setup["load.kind"], 0.0, setup["load.at_rpm"]),
+        "inverter": sim.inverter, "sensors": sim.sensors, "timing": sim._timing,
+        "map": sim._map, "pwm": sim._pwm, "gates": sim._gates,
+    }  # fmt: skip
+    lines = [
+        f"static const struct plant_{name} {name}_data = {plant.initialiser(part)};"
+        for name, part in parts.items()
+    ]
+    opens = breaks_of("open", 0.0, 1e-3 * setup["inverter.bounce_ms"])
+    numbers = {
+        "LOAD_KIND": LOADS.index(setup["load.kind"]),
+        "LOAD_AT_RPM": float(setup["load.at_rpm"]),
+        "VISCOUS_NMS": float(setup["machine.viscous_Nms"]),
+        "INERTIA_KGM2": float(setup["machine.inertia_kgm2"]),
+        "SWING_PER_S": float(sim._swing_per_s),
+        "WINDINGS_STEP_S": float(sim._windings_step_s),
+        "SHORTEST_STEP_S": SHORTEST_STEP_S,
+        "OPEN_KIND": OPEN,
+        "OPENS": len(opens),
+    }
+    text = "\n".join(
+        [
+            f"/* The plant of {setup.name} at the beginning. */",
+            *(f"#define {name} {value!r}" for name, value in numbers.items()),
+            *lines,
+            f"static const double y_data[8] = {plant.initialiser(sim.plant_state)};",
+            "/* When an open leg's contact opens and closes, and what it does then. */",
+            f"static const double opens_s[OPENS] = {{{', '.join(repr(s) for s, _ in opens)}}};",
+            "static const int64_t opens_kind[OPENS] = "
+            f"{{{', '.join(str(KINDS.index(kind)) for _, kind in opens)}}};",
+        ]
+    )
+    return {DATA: text + "\n", **plant.translate(sim._machine.dtype)}
 
 
 def _made(setup: Setup, token: str) -> str:
@@ -87,7 +135,7 @@ def has_zig() -> bool:
 
 def _compiled(compiler: list[str], folder: Path, output: Path) -> bytes:
     files = sorted(path.name for path in folder.glob("*.c"))
-    command = [*compiler, *OPTIONS, *HIDDEN, "-o", str(output), *files, "-lm"]
+    command = [*compiler, *EXACT, *HIDDEN, "-o", str(output), *files, "-lm"]
     if output.suffix != ".dll":
         command.insert(len(compiler), "-fPIC")
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
@@ -109,7 +157,7 @@ def fat(*images: bytes) -> bytes:
 
 
 def _binaries(
-    folder: Path, out: Path, version: int, only_here: bool, progress: Callable[[str], None]
+    of: str, folder: Path, out: Path, version: int, only_here: bool, progress: Callable[[str], None]
 ) -> dict[str, bytes]:
     """Path in the FMU -> binary."""
     if not has_zig():
@@ -125,7 +173,7 @@ def _binaries(
         progress(name)
         place, suffix = ZIG[name][version - 2], ZIG[name][2]
         image = _compiled(compiler, folder, out / f"{name}{suffix}")
-        images.setdefault(f"binaries/{place}/{IDENTIFIER}{suffix}", []).append(image)
+        images.setdefault(f"binaries/{place}/{identifier(of)}{suffix}", []).append(image)
     return {path: fat(*parts) if len(parts) > 1 else parts[0] for path, parts in images.items()}
 
 
@@ -143,22 +191,23 @@ def licence() -> str:
 def write(
     path: Path,
     setup: Setup,
+    of: str = "controller",
     version: int = 2,
     only_here: bool = False,
     progress: Callable[[str], None] = lambda name: None,
 ) -> list[str]:
-    """Write the controller FMU of a set-up. version: of FMI, 2 or 3; only_here: without binaries
-    for other systems; progress: called with the name of each system. Returns what systems it has
-    binaries for."""
+    """Write the FMU of a set-up. of: its kind (`variables.KINDS`); version: of FMI, 2 or 3;
+    only_here: without binaries for other systems; progress: called with the name of each system.
+    Returns what systems it has binaries for."""
     # The firmware says what it refuses, before anything is compiled.
     made = firmware.Controller(setup["timing.device"], parameters(setup))
     period_s = made.period_counts / float(made.map.pwm_clock_Hz)
-    files = sources(setup, version)
+    files = sources(setup, of, version)
     code = [name for name in files if name.endswith(".c")]
-    found = variables(setup)
-    description = model_description(version, setup.title, "", period_s, found, code)
+    found = variables(setup, of)
+    description = model_description(of, version, setup.title, "", period_s, found, code)
     token = _token([description, *(t.encode() for pair in files.items() for t in pair)])
-    description = model_description(version, setup.title, token, period_s, found, code)
+    description = model_description(of, version, setup.title, token, period_s, found, code)
     files[MADE] = _made(setup, token)
     with tempfile.TemporaryDirectory() as place:
         folder, out = Path(place, "sources"), Path(place, "out")
@@ -166,14 +215,16 @@ def write(
         out.mkdir()
         for name, text in files.items():
             (folder / name).write_text(text, encoding="utf-8")
-        binaries = _binaries(folder, out, version, only_here, progress)
+        binaries = _binaries(of, folder, out, version, only_here, progress)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("modelDescription.xml", description)
         for name, image in binaries.items():
             archive.writestr(name, image)
         for name, text in files.items():
             archive.writestr(f"sources/{name}", text)
-        archive.writestr("sources/buildDescription.xml", build_description(code, " ".join(OPTIONS)))
+        archive.writestr(
+            "sources/buildDescription.xml", build_description(of, code, " ".join(EXACT))
+        )
         archive.writestr("documentation/licenses/license.txt", licence())
     return [name.split("/")[1] for name in binaries]
 

@@ -9,14 +9,22 @@ from xml.etree.ElementTree import Element, SubElement
 from .. import __version__
 from .variables import CHOICE, FLAG, OUTPUT, PARAMETER, REAL, TIME, WHOLE, Variable
 
-#: Name of the binaries and of the prefix of the model.
-IDENTIFIER = "hexatorque_controller"
+#: What a kind of FMU is.
+ABOUT = {
+    "controller": "Six-phase drive controller, the firmware with its registers",
+    "drive": "Six-phase drive: the firmware with its registers, inverter, machine and sensors",
+}
 TOOL = f"hexatorque {__version__}"
 #: Elements of the types, by kind.
 TYPES = {
     2: {REAL: "Real", FLAG: "Boolean", WHOLE: "Integer", CHOICE: "Enumeration"},
     3: {REAL: "Float64", FLAG: "Boolean", WHOLE: "Int32", CHOICE: "Enumeration"},
 }
+
+
+def identifier(of: str) -> str:
+    """Name of the binaries and of the prefix of the model."""
+    return f"hexatorque_{of}"
 
 
 def _text(root: Element) -> bytes:
@@ -95,6 +103,7 @@ def _logs(root: Element) -> None:
 
 
 def model_description(
+    of: str,
     version: int,
     title: str,
     token: str,
@@ -102,16 +111,16 @@ def model_description(
     variables: list[Variable],
     sources: Iterable[str],
 ) -> bytes:
-    """The file modelDescription.xml. version: of FMI, 2 or 3; token: what the binary is asked for;
-    sources: files with code, as they are named in `sources`."""
+    """The file modelDescription.xml. of: the kind of FMU; version: of FMI, 2 or 3;
+    token: what the binary is asked for; sources: files with code, as `sources` names them."""
     identity = "guid" if version == 2 else "instantiationToken"
     root = Element(
         "fmiModelDescription",
         {
             "fmiVersion": f"{version}.0",
-            "modelName": "hexatorque controller",
+            "modelName": f"hexatorque {of}",
             identity: token,
-            "description": f"Six-phase drive controller, the firmware with its registers: {title}",
+            "description": f"{ABOUT[of]}: {title}",
             "license": "MIT",
             "generationTool": TOOL,
             "variableNamingConvention": "structured",
@@ -124,7 +133,7 @@ def model_description(
         root,
         "CoSimulation",
         {
-            "modelIdentifier": IDENTIFIER,
+            "modelIdentifier": identifier(of),
             "canHandleVariableCommunicationStepSize": "true",
             **dict.fromkeys(flags, "true"),
         },
@@ -166,10 +175,10 @@ def _structure(root: Element, variables: list[Variable], version: int) -> None:
             SubElement(group, "Unknown", index=str(number), dependencies="")
 
 
-def build_description(sources: Iterable[str], options: str) -> bytes:
+def build_description(of: str, sources: Iterable[str], options: str) -> bytes:
     """The file sources/buildDescription.xml of FMI 3.0."""
     root = Element("fmiBuildDescription", fmiVersion="3.0")
-    build = SubElement(root, "BuildConfiguration", modelIdentifier=IDENTIFIER)
+    build = SubElement(root, "BuildConfiguration", modelIdentifier=identifier(of))
     files = SubElement(build, "SourceFileSet", language="C99", compilerOptions=options)
     for name in sources:
         SubElement(files, "SourceFile", name=name)

@@ -1,4 +1,4 @@
-"""The variables of the controller FMU, from the firmware's tables: what a model description tells
+"""The variables of an FMU, from the firmware's tables: what a model description tells
 of them."""
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from ..setups import Setup, parameters
 REAL, FLAG, WHOLE, CHOICE = (
     lib.HT_FMU_REAL, lib.HT_FMU_FLAG, lib.HT_FMU_WHOLE, lib.HT_FMU_CHOICE,
 )  # fmt: skip
+#: Kinds of FMUs -> number.
+KINDS = {"controller": lib.HT_FMU_CONTROLLER, "drive": lib.HT_FMU_DRIVE}
 #: Roles of variables, with FMI's words.
 INPUT, OUTPUT, PARAMETER, TIME = "input", "output", "parameter", "independent"
 
@@ -40,14 +42,16 @@ def starts(setup: Setup) -> dict[str, float]:
     return {name: table[name].parse(value) for name, value in parameters(setup).items()}
 
 
-def variables(setup: Setup) -> list[Variable]:
-    """All variables of a set-up's controller: time, inputs, outputs, channels, parameters."""
+def variables(setup: Setup, of: str) -> list[Variable]:
+    """All variables of an FMU of this kind: time, inputs, outputs, channels, parameters."""
     values = starts(setup)
     table = firmware.parameters(setup["timing.device"])
     given = {"vdc_V": float(setup["inverter.vdc_V"])}
     found = [Variable(lib.HT_FMU_TIME, "time", TIME, REAL, "s", "time")]
     for row in range(lib.HT_FMU_ROWS):
         info = lib.ht_fmu_describe(row)
+        if not info.of & KINDS[of]:
+            continue
         name, unit, text = (ffi.string(t).decode() for t in (info.name, info.unit, info.help))
         if info.direction == lib.HT_FMU_OUTPUT:
             found.append(Variable(row, name, OUTPUT, info.kind, unit, text))
@@ -62,7 +66,7 @@ def variables(setup: Setup) -> list[Variable]:
         found.append(Variable(reference, f"channel.{name}", OUTPUT, REAL, unit, text))
     for p in table.values():
         reference = lib.HT_FMU_PARAMETER + p.id
-        kind = lib.ht_fmu_kind(reference)
+        kind = lib.ht_fmu_kind(KINDS[of], reference)
         if kind != lib.HT_FMU_UNKNOWN:
             more = (p.min, p.max, p.choices, p.live)
             name = f"parameter.{p.name}"

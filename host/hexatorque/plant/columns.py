@@ -22,11 +22,12 @@ _INDEX = ir.IntType(32)
 def add_columns(columns, a, b, c, d, e, f, out):
     """Write a*columns[0] + ... + f*columns[5] into out[0:8]. `columns` is (6, 8), both arrays are
     contiguous."""
-    out[:_ROWS] = (
-        (columns[0] * a + columns[1] * b)
-        + (columns[2] * c + columns[3] * d)
-        + (columns[4] * e + columns[5] * f)
-    )
+    for r in range(_ROWS):
+        out[r] = (
+            (columns[0, r] * a + columns[1, r] * b)
+            + (columns[2, r] * c + columns[3, r] * d)
+            + (columns[4, r] * e + columns[5, r] * f)
+        )
 
 
 def _vectors(context, builder, kind, value):

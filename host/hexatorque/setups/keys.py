@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..chips import DEVICES
+from ..plant.load_kinds import LOADS
 from ..plant.machines import DISPLACEMENTS_DEG, MODELS, constants_of
 from ..plant.wires import ENCODER_WIRES
 
@@ -19,7 +20,6 @@ TAGS = ("paper", "assumed", "measured", "tuned")
 #: The same, for values that the user's own file or command line gives.
 USER = "user"
 LATENCIES = ("none", "immediate", "shadow", "predicted")
-LOADS = ("constant", "fan", "brake", "generator", "friction")
 
 
 @dataclass(frozen=True)

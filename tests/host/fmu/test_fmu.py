@@ -35,7 +35,7 @@ def made(request, tmp_path_factory):
         if key not in kept:
             setup = setups.load(name).changed(SHORT | changes)
             path = place / f"{len(kept)}.fmu"
-            controller.write(path, setup, request.param, only_here=True)
+            controller.write(path, setup, version=request.param, only_here=True)
             folder = place / f"{len(kept)}"
             with zipfile.ZipFile(path) as archive:
                 archive.extractall(folder)

@@ -32,7 +32,7 @@ def test_the_pages_commands_work(folder, capsys, monkeypatch):
     (folder / "mine.toml").write_text('setup = "paper-b"\n')
     (block,) = re.findall(r"```sh\n(.*?)```", PAGE, re.S)
     commands = [shlex.split(line)[1:] for line in block.splitlines()]
-    assert len(commands) == 3
+    assert len(commands) == 4
     for words in commands:
         assert main(words) == 0
     said = capsys.readouterr().out.splitlines()
@@ -42,7 +42,7 @@ def test_the_pages_commands_work(folder, capsys, monkeypatch):
         with zipfile.ZipFile(folder / words[1]) as archive:
             root = ElementTree.fromstring(archive.read("modelDescription.xml"))
         versions.append(root.get("fmiVersion"))
-    assert versions == ["2.0", "3.0", "2.0"]
+    assert versions == ["2.0", "3.0", "2.0", "2.0"]
 
 
 @pytest.mark.parametrize(
@@ -71,10 +71,10 @@ def test_without_any_compiler_one_line_says_what_to_install(capsys, monkeypatch)
     assert len(said) == 1 and "pip install 'hexatorque[fmu]'" in said[0]
 
 
-@pytest.mark.parametrize("version", (2, 3))
-def test_its_sources_alone_make_the_binary(version, folder):
+@pytest.mark.parametrize("kind, version", (("controller", 2), ("drive", 2), ("drive", 3)))
+def test_its_sources_alone_make_the_binary(kind, version, folder):
     """A tool compiles what the description lists, in one folder, and nothing else."""
-    controller.write(folder / "a.fmu", setups.load("paper-a"), version, only_here=True)
+    controller.write(folder / "a.fmu", setups.load("paper-a"), kind, version, only_here=True)
     with zipfile.ZipFile(folder / "a.fmu") as archive:
         archive.extractall(folder)
         names = set(archive.namelist())
@@ -120,7 +120,7 @@ BEGINNINGS = {
 @pytest.mark.skipif(not controller.has_zig(), reason="pip install 'hexatorque[fmu]'")
 @pytest.mark.parametrize("version", (2, 3))
 def test_with_the_extra_there_are_binaries_for_other_systems(version, folder):
-    controller.write(folder / "a.fmu", setups.load("paper-a"), version)
+    controller.write(folder / "a.fmu", setups.load("paper-a"), version=version)
     with zipfile.ZipFile(folder / "a.fmu") as archive:
         found = {name: archive.read(name) for name in archive.namelist() if "binaries/" in name}
     assert len(found) == len(BEGINNINGS[version])

@@ -1,0 +1,1 @@
+"""The plant in C99, written from its compiled Python functions."""

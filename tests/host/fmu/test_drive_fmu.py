@@ -1,0 +1,143 @@
+"""The drive FMU, run by FMPy: channels and true values have the simulation's bits, with a broken
+leg and a changing load, and what it cannot do is refused in one line."""
+
+import zipfile
+
+import numpy as np
+import pytest
+
+from hexatorque import firmware, setups
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.fmu import controller
+from hexatorque.plant.loop import PLANT_CHANNELS
+from hexatorque.plant.vsd import inverse
+
+fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install fmpy")
+from fmpy.fmi1 import FMICallException  # noqa: E402
+from fmpy.validation import validate_fmu  # noqa: E402
+from fmu_masters import LEGS, Fmu, same  # noqa: E402
+
+SHORT = {"controller.calibration_s": 0.01, "controller.build_s": 0.1}
+ARC = {"inverter.arc_V": 25.0, "inverter.restrike_V_per_ms": 50.0, "inverter.bounce_ms": 2.0}
+#: A scheme that bears an open leg.
+BEARS = {"controller.scheme": "db-dtfc", "timing.latency": "predicted"}
+SETUPS = {
+    "open leg": ("paper-b", BEARS | ARC),
+    "fan": ("paper-a", {"load.kind": "fan", "timing.device": "f28335"}),
+    "magnets": ("magnet-interior", {"inverter.v_diode_V": 1.0, "inverter.v_switch_V": 1.2}),
+}
+TRUE = [f"plant.{name}" for name, _ in PLANT_CHANNELS]
+
+
+@pytest.fixture(scope="module", params=(2, 3), ids=("fmi2", "fmi3"))
+def made(request, tmp_path_factory):
+    """Set-up, file and folder of an FMU; each is made once."""
+    place = tmp_path_factory.mktemp("drive")
+    kept = {}
+
+    def make(what="open leg"):
+        if what not in kept:
+            name, changes = SETUPS[what]
+            setup = setups.load(name).changed(SHORT | changes)
+            path, folder = place / f"{what}.fmu", place / what
+            controller.write(path, setup, "drive", request.param, only_here=True)
+            with zipfile.ZipFile(path) as archive:
+                archive.extractall(folder)
+            kept[what] = setup, path, folder
+        return kept[what]
+
+    return make
+
+
+def course(k):
+    """References, load and breaks before period k."""
+    return {
+        20: {"run": True, "speed_ref_rpm": 200.0},
+        1500: {"load_Nm": 0.4, "vdc_V": 290.0},
+        1700: {"break_u1": 1},
+        2000: {"break_u1": 0},
+        2200: {"run": False},
+    }.get(k, {})
+
+
+def command(sim, given):
+    """The same to the simulation."""
+    sim.set_many({n: given[n] for n in ("speed_ref_rpm", "load_Nm", "vdc_V") if n in given})
+    if "break_u1" in given:
+        sim.break_leg("u1", ("none", "open")[given["break_u1"]])
+    if given.get("run") is True:
+        sim.start()
+    if given.get("run") is False:
+        sim.stop()
+
+
+@pytest.mark.parametrize("what", SETUPS)
+def test_it_computes_the_bits_of_the_simulation(made, what):
+    """A recording's true values are those at a period's beginning, an FMU's those at its end."""
+    setup, _, folder = made(what)
+    sim, fmu = SimulatedDrive(setup, 1), Fmu(folder).begin()
+    channels = [f"channel.{name}" for name, _ in firmware.channels()]
+    phases = inverse(setup.machine_values()["displacement_deg"])
+    states, before = set(), fmu.get(*TRUE)
+    for k in range(2500):
+        given = course(k)
+        if what == "magnets":
+            given = {n: v for n, v in given.items() if n != "vdc_V"}
+        command(sim, given)
+        true, rows = sim.rows(1)
+        fmu.set(**given)
+        assert same(before, [float(x) for x in true[0]]), k
+        fmu.step()
+        assert same(fmu.get(*channels), [float(x) for x in rows[0]]), k
+        before = fmu.get(*TRUE)
+        currents = fmu.get(*(f"plant.i_{leg}_A" for leg in LEGS))
+        assert currents == pytest.approx(phases @ before[:4], abs=1e-4)
+        states.add(sim.state)
+    # The rotor of the machine with magnets is still being aligned.
+    reached = {"idle", "calibrate", "build"} | ({"run"} if what != "magnets" else set())
+    assert reached <= states and not fmu.said
+    assert not np.isnan(before).any()
+
+
+def test_a_reset_a_kept_state_and_a_second_instance_give_the_same_bits(made):
+    _, _, folder = made()
+
+    def go_on(fmu, begin, end):
+        found = []
+        for k in range(begin, end):
+            fmu.set(**course(k))
+            fmu.step()
+            found.append(fmu.outputs)
+        return found
+
+    fmu, other = Fmu(folder).begin(), Fmu(folder).begin()
+    first = go_on(fmu, 0, 1720)
+    raw = fmu.bytes_of(fmu.fmu.getFMUState())
+    later = go_on(fmu, 1720, 1800)
+    go_on(other, 0, 30)
+    other.go_back(raw)
+    assert go_on(other, 1720, 1800) == later
+    fmu.fmu.reset()
+    fmu.time_s = 0.0
+    fmu.begin()
+    assert go_on(fmu, 0, 200) == first[:200]
+
+
+def test_fmpy_finds_nothing_wrong(made):
+    _, path, _ = made()
+    assert validate_fmu(str(path)) == []
+
+
+@pytest.mark.parametrize(
+    "values, line",
+    [
+        ({"break_v1": 5}, "break_v1 = 5: allowed range is 0 .. 4"),
+        ({"load_Nm": float("inf")}, "load_Nm = inf: a finite number is needed"),
+    ],
+)
+def test_a_mistake_is_one_line_and_changes_nothing(made, values, line):
+    fmu = Fmu(made()[2]).begin()
+    with pytest.raises(FMICallException):
+        fmu.set(**values)
+    assert fmu.said == [("discard", line)]
+    assert fmu.get(*values) == [0]

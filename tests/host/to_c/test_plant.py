@@ -1,0 +1,252 @@
+"""The plant in C is the plant in Python: the same bits of every sample, edge and state, in each
+effect. Every line of the C runs in these courses, but those after a failure."""
+
+import gzip
+import json
+import shutil
+import subprocess
+import zlib
+from functools import partial
+
+import numpy as np
+import pytest
+
+from hexatorque import firmware, load
+from hexatorque.drive import hardware
+from hexatorque.drive.parts import pwm_map
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.plant.gates import GATES, gates_record, suppress_short_pulses
+from hexatorque.plant.pwm import PWM, PWM_MAP, pwm_record, pwm_segment
+from hexatorque.to_c import library, plant
+from hexatorque.to_c.translator import Translator
+from hexatorque.to_c.types import INT, WORD, Array
+
+#: So that a course is short.
+SHORT = {"controller.calibration_s": 0.01, "controller.build_s": 0.1}
+DROPS = {
+    "inverter.v_switch_V": 1.2,
+    "inverter.v_diode_V": 1.0,
+    "inverter.r_switch_ohm": 0.1,
+    "inverter.r_diode_ohm": 0.05,
+}
+ARC = {"inverter.arc_V": 25.0, "inverter.restrike_V_per_ms": 50.0, "inverter.bounce_ms": 2.0}
+#: What does not end because of what a test breaks.
+BEARS = {"controller.scheme": "db-dtfc", "timing.latency": "predicted"}
+
+
+def run_and_stop(sim):
+    sim.start()
+    sim.run(0.13)
+    sim.set_many({"speed_ref_rpm": 300.0, "load_Nm": 0.5})
+    sim.run(0.1)
+    sim.stop()
+    sim.run(0.06)
+
+
+def broken(*breaks, speed_rpm=200.0):
+    """A course in which legs break: (phase, kind, when)."""
+
+    def course(sim):
+        if speed_rpm > 200:
+            sim.plant_state[6] = speed_rpm * np.pi / 30
+        sim.start()
+        sim.run(0.13)
+        sim.set_many({"speed_ref_rpm": speed_rpm, "load_Nm": 0.3})
+        sim.run(0.05)
+        for phase, kind, after_s in breaks:
+            sim.break_leg(phase, kind, after_s)
+        sim.run(0.08)
+        sim.stop()
+        sim.run(0.05)
+
+    return course
+
+
+OPEN = broken(("u1", "open", 0.01))
+FAST = broken(("u1", "open", 0.01), ("w2", "blocked", 0.03), speed_rpm=2900.0)
+SWITCHES = broken(("w1", "lower", 0.005), ("v2", "upper", 0.01), ("w1", "none", 0.03))
+BLOCKED = broken(("v1", "blocked", 0.01), ("u2", "open", 0.02))
+#: Functions that drawn registers go through, not all of them in these courses.
+DRAWN = {f"plant_{name}" for name in (
+    "pwm_segment", "leg_of_pins", "switch", "forced", "suppress_short_pulses"
+)}  # fmt: skip
+#: Functions that only the drive FMU calls; its tests hold them to the simulation.
+OF_THE_FMU = {f"plant_{name}" for name in (
+    "look", "current_A", "set_load", "shaft_step_s", "steepest_Nms"
+)}  # fmt: skip
+#: Lines that run for other callers than the loop, or for other firmware: the loop itself steps a
+#: machine whose legs are all driven, and this firmware starts the capture unit before it samples.
+NEVER_RUN = {
+    ("plant_advance", "plant_to_rails(inv, vdc);"),
+    ("plant_advance", "plant_rk4_step(m, load, y, inv->v, dt, y, inv->k, inv->z);"),
+    ("plant_capture", "se->event_tick = now;"),
+    ("plant_capture", "return;"),
+}
+#: What is computed -> set-up, its changes, course.
+COURSES = {
+    "linear": {
+        "whole": ("paper-b", {}, run_and_stop),
+        "immediate load": ("paper-a", {}, run_and_stop),
+        "sensors": (
+            "paper-b",
+            {
+                "sensors.i_noise_A": 0.05,
+                "sensors.i_filter_Hz": 5e3,
+                "sensors.encoder_error_cycles": 0.02,
+                "sensors.adc_bits": 10,
+                "inverter.min_pulse_us": 1.5,
+            },
+            run_and_stop,
+        ),
+        "open": ("paper-b", BEARS, OPEN),
+        "switches": ("paper-b", BEARS, SWITCHES),
+        "blocked": ("paper-b", BEARS, BLOCKED),
+        "arc": ("paper-b", BEARS | ARC, OPEN),
+        "drops": ("paper-b", BEARS | DROPS, SWITCHES),
+        "drops and arc": ("paper-a", DROPS | ARC, BLOCKED),
+        "friction": ("paper-b", {"load.kind": "friction"}, run_and_stop),
+        "brake": ("paper-b", {"load.kind": "brake"}, run_and_stop),
+        "fan": ("paper-b", {"load.kind": "fan"}, run_and_stop),
+        "swapped": ("paper-b", {"sensors.encoder_wires": "swapped"}, run_and_stop),
+        "one open": ("paper-b", {"sensors.encoder_wires": "one open"}, run_and_stop),
+        "open wires": ("paper-b", {"sensors.encoder_wires": "open"}, run_and_stop),
+        "fast": ("paper-b", BEARS, FAST),
+        "fast, arc": ("paper-b", BEARS | ARC, FAST),
+        "symmetrical": ("symmetrical", {}, run_and_stop),
+    },
+    "saturable": {
+        "whole": ("paper-b", {"machine.psi_knee_Wb": 0.8}, run_and_stop),
+        "open": ("paper-b", BEARS | {"machine.psi_knee_Wb": 0.8}, OPEN),
+        "drops": ("paper-b", BEARS | DROPS | ARC | {"machine.psi_knee_Wb": 0.8}, BLOCKED),
+    },
+    "magnet": {
+        "whole": ("magnet-interior", {}, run_and_stop),
+        "drops": ("magnet-interior", DROPS | ARC, BLOCKED),
+        "open": ("magnet-surface", {}, OPEN),
+        "fast": ("magnet-surface", {}, FAST),
+        "salient": ("magnet-interior", {}, BLOCKED),
+    },
+}
+
+
+def counting(files, folder):
+    """A library of translated functions that counts how often each line runs."""
+    compiler = shutil.which("gcc")
+    if not (compiler and shutil.which("gcov")):
+        pytest.skip("gcc and gcov are missing: apt-get install gcc")
+    text = "void __gcov_dump(void);\nint dump(void);\nint dump(void)\n{\n    __gcov_dump();\n"
+    (folder / "dump.c").write_text(f"{text}    return 0;\n}}\n")
+    return library.build(files, folder, compiler, "-O0", "--coverage", "dump.c")
+
+
+def result(name, changes, course, run_periods):
+    """Sums over all bits that a course leaves."""
+    found = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(hardware, "run_periods", run_periods)
+        sim = SimulatedDrive(load(name).changed(SHORT | changes))
+        if changes.get("sensors.encoder_wires"):  # a frozen sensor beside it
+            sim.sensors.hold[6:] = 1
+        sim.log_edges(100_000)
+        course(sim)
+        recording = sim.take()
+        for channel in recording.channels:
+            found[channel] = zlib.crc32(np.ascontiguousarray(recording[channel]).tobytes())
+    for part in ("plant_state", "inverter", "sensors", "edges", "_pwm", "_gates", "_registers"):
+        found[part] = zlib.crc32(getattr(sim, part).tobytes())
+    return found, sim
+
+
+def ran(folder, made):
+    """(function, line) of the C -> whether it has run, without what only a failure runs."""
+    made.call("dump")
+    command = ["gcov", "--json-format", "--object-directory", ".", "libplant.so-ht_plant.gcda"]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    (report,) = folder.glob("*.gcov.json.gz")
+    (file,) = (f for f in json.loads(gzip.decompress(report.read_bytes()))["files"]
+               if f["file"].endswith("ht_plant.c"))  # fmt: skip
+    text = [line.strip() for line in (folder / "ht_plant.c").read_text().splitlines()]
+    found = {}
+    for line in file["lines"]:
+        here, before = text[line["line_number"] - 1], text[line["line_number"] - 2]
+        if "*failed" not in here and "*failed" not in before:
+            row = line.get("function_name", ""), here.replace(", failed)", ")")
+            found[row] = found.get(row, False) or line["count"] > 0
+    return found
+
+
+def test_every_sample_edge_and_state_has_the_bits_of_the_compiled_python(tmp_path):
+    numba = hardware.run_periods
+    lines = {}
+    for kind, courses in COURSES.items():
+        made = None
+        for what, (name, changes, course) in courses.items():
+            wanted, sim = result(name, changes, course, numba)
+            if made is None:
+                (tmp_path / kind).mkdir()
+                made = counting(plant.translate(sim._machine.dtype), tmp_path / kind)
+            got, _ = result(name, changes, course, made.run_periods)
+            assert got == wanted, f"{kind}, {what}"
+        for line, done in ran(tmp_path / kind, made).items():
+            lines[line] = lines.get(line, False) or done
+    elsewhere = DRAWN | OF_THE_FMU
+    missed = {row for row, done in lines.items() if not done and row[0] not in elsewhere}
+    assert missed == NEVER_RUN
+
+
+PERIOD = 60
+
+
+def drawn_registers(rng, map_, registers):
+    """Writes of any kind to the modules of all legs."""
+    for leg in range(6):
+        base = map_.epwm + leg * map_.stride
+        for name, bits in (
+            ("cmpctl", 0x5F), ("aqctla", 0xFFF), ("aqsfrc", 7), ("dbctl", 0xF), ("tzctl", 0xF)
+        ):  # fmt: skip
+            if rng.random() < 0.5:
+                registers[base + map_[name]] = rng.integers(0, 0x10000) & bits
+        for name in ("cmpa", "cmpb", "dbred", "dbfed"):
+            registers[base + map_[name]] = rng.integers(0, PERIOD + 4) * rng.integers(0, 2)
+        if map_.aqctl >= 0:
+            registers[base + map_.aqctl] = rng.integers(0, 32)
+        if rng.random() < 0.5:
+            registers[base + map_.cmpctl] = 0
+        registers[base + map_.tbprd] = PERIOD - 1
+        registers[base + map_.tzflg] = 4 * (rng.random() < 0.2)
+
+
+def test_modules_of_the_pwm_and_gate_drivers_have_the_same_bits_for_drawn_registers(tmp_path):
+    t = Translator(lambda function, kinds: function)
+    pm, ps, gd = (t.record(*row) for row in (
+        (PWM_MAP, "plant_map"), (PWM, "plant_pwm"), (GATES, "plant_gates")
+    ))  # fmt: skip
+    words = Array(WORD, (None,))
+    t.function(pwm_segment, [pm, words, ps, INT, INT, INT], "segment")
+    t.function(suppress_short_pulses, [gd, pm, words, ps, INT, INT, INT, INT], "suppress")
+    made = counting(plant.files(t), tmp_path)
+    rng = np.random.default_rng(1)
+    edges = 0
+    for map_ in (firmware.lib.ht_f28335, firmware.lib.ht_f28377s):
+        pm = pwm_map(map_, min_pulse_us=0.1)
+        two = [(pwm_record(), gates_record(7), np.zeros(0x8000, np.uint16)) for _ in range(2)]
+        for period in range(300):
+            drawn = np.zeros(0x8000, np.uint16)
+            drawn_registers(rng, pm, drawn)
+            n, c0 = 0, 0
+            for c1 in (*sorted(rng.integers(0, PERIOD, 1)), PERIOD):
+                results = []
+                for (ps, gd, registers), segment, suppress in zip(
+                    two, (pwm_segment, partial(made.call, "segment")),
+                    (suppress_short_pulses, partial(made.call, "suppress")),
+                ):  # fmt: skip
+                    if c0 == 0:
+                        registers[:] = drawn
+                    count = segment(pm, registers, ps, c0, c1, n)
+                    count = suppress(gd, pm, registers, ps, c0, c1, n, count)
+                    results.append((count, ps.tobytes(), gd.tobytes(), registers.tobytes()))
+                assert results[0] == results[1], f"period {period}, counts {c0} to {c1}"
+                n, c0 = results[0][0], c1
+            edges += n
+    assert edges > 1000
+    assert {row for row, done in ran(tmp_path, made).items() if not done} == set()
