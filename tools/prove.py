@@ -55,8 +55,8 @@ WRITING = Lock()
 FREELY = "arithmetic free"
 #: In place of the time of what is not proved.
 OPEN = "open"
-#: Memory of one run. A proof that needs more is not one for `make prove`.
-MEMORY = "6g"
+#: Memory of one run, GB, if a proof's row does not say more.
+MEMORY_GB = 6
 
 PROVED, WRONG, TIME, MEMORY_OUT, BROKEN = "proved", "fails", "time-out", "memory", "broken"
 
@@ -94,6 +94,7 @@ class Proof:
     free: tuple[str, ...] = ()
     promised: tuple[str, ...] = ()
     solver: str = "bitwuzla"
+    memory_GB: int = MEMORY_GB
 
     def special(self) -> set[str]:
         """Files of the firmware of which the proof reads a copy of its own."""
@@ -136,6 +137,7 @@ def read_proofs(path: Path = HARNESSES / "proofs.toml") -> list[Proof]:
             free=tuple(row.get("free", ())),
             promised=tuple(row.get("promised", ())),
             solver=row.get("solver", "bitwuzla"),
+            memory_GB=row.get("memory_GB", MEMORY_GB),
         )
         for row in rows
     ]
@@ -374,7 +376,7 @@ def command(proof: Proof, first: Path) -> list[str]:
         esbmc(), str(harness), "--function", f"prove_{proof.name}",
         "--include-file", str(HARNESSES / "conversions.h"),
         "--include-file", str(HARNESSES / "arithmetic.h"), "-f", "freestanding",
-        f"--{proof.solver}", "--unwind", str(proof.unwind), "--memlimit", MEMORY,
+        f"--{proof.solver}", "--unwind", str(proof.unwind), "--memlimit", f"{proof.memory_GB}g",
         "--ub-shift-check", "--uninitialised-vars-check", *proof.options,
         *(f"-I{folder}" for folder in folders),
     ]  # fmt: skip
