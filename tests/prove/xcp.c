@@ -102,9 +102,10 @@ static bool lists_fit(const ht_xcp_daq *a, uint16_t list, uint16_t odt, uint16_t
     if (fit && (odt < HT_XCP_ODTS)) {
         const ht_xcp_odt *o = &a->odt[odt];
         fit = IMPLIES(o->n != 0u, odt < a->odts);
-        fit = fit && ((o->n == 0u)
-              || ((o->n <= HT_XCP_ODT_ENTRIES) && (o->n <= a->entries)
-                  && (o->first <= a->entries - o->n)));
+        fit = fit
+              && ((o->n == 0u)
+                  || ((o->n <= HT_XCP_ODT_ENTRIES) && (o->n <= a->entries)
+                      && (o->first <= a->entries - o->n)));
     }
     if (fit && (entry < HT_XCP_ENTRIES)) {
         fit = (a->entry[entry] == HT_XCP_NOTHING)
