@@ -428,7 +428,7 @@ void prove_control_observe(void)
 }
 
 /* `lost`: one leg or more. */
-static void step_of(ht_law law, bool shadow, bool lost)
+static void step_of(ht_law law, bool shadow, bool lost, ht_winding winding)
 {
     ht_control_config cfg;
     ht_control_state st;
@@ -438,9 +438,10 @@ static void step_of(ht_law law, bool shadow, bool lost)
     uint16_t before;
     cfg.law = law;
     cfg.shadow = shadow;
-    cfg.observer.magnets = false;
-    cfg.special = nondet_bool();
     any_step(&cfg, &st, &in);
+    cfg.observer.magnets = false;
+    cfg.observer.winding = winding;
+    cfg.special = winding != HT_WINDING_30;
     GIVEN(leg < 6u);
     if (lost) {
         GIVEN(st.lost.axes != 0u);
@@ -458,26 +459,57 @@ static void step_of(ht_law law, bool shadow, bool lost)
     MUST((cfg.shadow ? st.next.before : st.active.before) == before);
 }
 
+/* Sets that are not 30 degrees apart. */
+static ht_winding turned(void)
+{
+    return nondet_bool() ? HT_WINDING_0 : HT_WINDING_60;
+}
+
 void prove_control_table(void)
 {
-    step_of(HT_LAW_TABLE, nondet_bool(), false);
+    step_of(HT_LAW_TABLE, nondet_bool(), false, HT_WINDING_30);
+}
+
+void prove_control_table_turned(void)
+{
+    step_of(HT_LAW_TABLE, nondet_bool(), false, turned());
 }
 
 /* A law that commands a voltage needs shadow load. */
 void prove_control_deadbeat(void)
 {
-    step_of(HT_LAW_DEADBEAT, true, false);
+    step_of(HT_LAW_DEADBEAT, true, false, HT_WINDING_30);
+}
+
+void prove_control_deadbeat_turned(void)
+{
+    step_of(HT_LAW_DEADBEAT, true, false, turned());
 }
 
 void prove_control_foc(void)
 {
-    step_of(HT_LAW_FOC, true, false);
+    step_of(HT_LAW_FOC, true, false, HT_WINDING_30);
+}
+
+void prove_control_foc_turned(void)
+{
+    step_of(HT_LAW_FOC, true, false, turned());
 }
 
 /* The table law as well: it may be taken over in the interrupt that finds that it cannot. */
-void prove_control_lost(void)
+static ht_law any_law(void)
 {
     ht_law law = (ht_law)nondet_uint16();
     GIVEN((law == HT_LAW_TABLE) || (law == HT_LAW_DEADBEAT) || (law == HT_LAW_FOC));
-    step_of(law, true, true);
+    return law;
+}
+
+void prove_control_lost(void)
+{
+    step_of(any_law(), true, true, HT_WINDING_30);
+}
+
+void prove_control_lost_turned(void)
+{
+    step_of(any_law(), true, true, turned());
 }
