@@ -291,6 +291,7 @@ static void calibrate(ht_drive *d)
     ht_set_difference_begin(&d->sets);
     d->torque_ref_Nm = 0.0f;
     d->vdc_acts = 0u;
+    d->vdc_from_rpm = 0.0f;
     d->limits = 0u;
     d->rotor.electrical = known_angle(d);
     (void)go_on_without(d, (uint16_t)d->config->params.v[HT_P_lost_legs]);
@@ -342,7 +343,8 @@ HT_SELDOM static void limit_by_vdc(ht_drive *d)
     const ht_vdc_config *c = &d->config->vdc;
     float vdc_V = d->in.vdc_V;
     float torque_Nm = ht_vdc_torque_Nm(c, d->torque_ref_Nm, d->torque_limit_Nm,
-                                       d->speed_rpm * RAD_S_PER_RPM, vdc_V);
+                                       d->speed_rpm * RAD_S_PER_RPM,
+                                       d->vdc_from_rpm * RAD_S_PER_RPM, vdc_V);
     if (torque_Nm != d->torque_ref_Nm) {
         unsigned acts = (vdc_V > c->above_V) ? (unsigned)HT_LIMIT_VDC_HIGH
                                              : (unsigned)HT_LIMIT_VDC_LOW;

@@ -88,6 +88,7 @@ typedef struct {
     float v_per_count;
     float turn_per_count; /**< electrical rad */
     float speed_rpm;
+    float vdc_from_rpm;  /**< size of the speed when the dc link came beyond `above_V` */
     float torque_ref_Nm; /**< slow loop to fast loop */
     float flux_ref_Wb;   /**< the flux reference: written by the fast interrupt in
                                     *   BUILD, by the slow one in RUN */

@@ -243,6 +243,9 @@ static void follow_reference(ht_drive *d, const ht_drive_config *c)
     uint16_t vdc_acts = d->vdc_acts; /* one that acts in between acts again */
     speed.torque_limit_Nm = d->torque_limit_Nm;
     d->vdc_acts = 0u;
+    if (!(d->in.vdc_V > c->vdc.above_V)) {
+        d->vdc_from_rpm = (d->speed_rpm < 0.0f) ? -d->speed_rpm : d->speed_rpm;
+    }
     if (vdc_acts != 0u) {
         ht_speed_follow(&d->speed, d->in.torque_ref_Nm); /* the regulator goes on from there */
     }

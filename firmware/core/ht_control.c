@@ -612,6 +612,8 @@ HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_sta
 /* Of the current that is missing, the share that one period adds. The period before it is not in the
  * sample yet; at a quarter the current still does not overshoot. */
 #define ALIGN_SHARE 0.25f
+/* Most voltage that aligns, units of Vdc: legs that are limited make one in x-y, too. */
+#define ALIGN_MOST_PU 0.5f
 
 /* The voltage, units of Vdc, that brings the current to `build_current_A` in this direction and holds it
  * there. Across it there is none: what a swinging rotor induces there drives a current through R_s, and
@@ -631,7 +633,12 @@ static ht_vsd aligning_pu(const ht_control_config *cfg, unsigned direction, ht_v
     float wanted_A = sqrtf(most_A * most_A - damping_A * damping_A);
     float along = ab_pu * (wanted_A - ht_along(u, i.ab)) + m->rs_ohm / vdc_V * wanted_A;
     float across = ab_pu * (damping_A - across_A);
+    float size_pu = sqrtf(along * along + across * across);
     ht_vsd v;
+    if (size_pu > ALIGN_MOST_PU) {
+        along *= ALIGN_MOST_PU / size_pu;
+        across *= ALIGN_MOST_PU / size_pu;
+    }
     v.ab.alpha = along * u.alpha - across * u.beta;
     v.ab.beta = along * u.beta + across * u.alpha;
     v.xy.x = -xy_pu * i.xy.x;

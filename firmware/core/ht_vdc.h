@@ -17,10 +17,14 @@ typedef struct {
 /** Share of the torque limit that may drive the shaft to lower the voltage. At a reference of 0 the
  *  tables' torque is some percent below it, so that a limit at 0 would not stop the charging. */
 #define HT_VDC_PUSH 0.1f
+/** The push ends at this multiple of the speed at which it began: the source may hold the voltage, and
+ *  would run the shaft up. At standstill there is none. */
+#define HT_VDC_FASTER 1.1f
 
 /** `torque_Nm`, or the torque next to it that leaves the link of `vdc_V` within its levels at this
- *  speed; `limit_Nm`: of the torque reference, either sign. */
+ *  speed; `limit_Nm`: of the torque reference, either sign; `from_rad_s`: size of the speed at which the
+ *  voltage came beyond `above_V`. */
 float ht_vdc_torque_Nm(const ht_vdc_config *cfg, float torque_Nm, float limit_Nm, float omega_rad_s,
-                       float vdc_V);
+                       float from_rad_s, float vdc_V);
 
 #endif

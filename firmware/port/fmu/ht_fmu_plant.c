@@ -89,6 +89,23 @@ double ht_fmu_outside_output(const ht_fmu_state *s, uint32_t row)
     return (double)s->plant.row[row - HT_FMU_ALPHA];
 }
 
+/* Forget how a leg's contact was still to bounce. */
+static void forget(struct plant_inverter_coming *to_come, int64_t leg)
+{
+    int64_t left = 0;
+    int64_t k;
+    for (k = 0; k < to_come->n; k++) {
+        if (to_come->leg[k] != leg) {
+            to_come->period[left] = to_come->period[k];
+            to_come->count[left] = to_come->count[k];
+            to_come->leg[left] = to_come->leg[k];
+            to_come->kind[left] = to_come->kind[k];
+            left++;
+        }
+    }
+    to_come->n = left;
+}
+
 /* Legs whose input has changed break at the step's beginning, or are whole again. A contact that opens
  * may bounce. */
 static ht_fmu_status take_breaks(ht_fmu *f)
@@ -103,6 +120,7 @@ static ht_fmu_status take_breaks(ht_fmu *f)
         if (kind == s->broken[leg]) {
             continue;
         }
+        forget(to_come, leg);
         if (to_come->n + rows > MOST_BREAKS) {
             return ht_fmu_tell(f, HT_FMU_DISCARD, "too many breaks of legs are to come");
         }

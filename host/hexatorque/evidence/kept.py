@@ -33,7 +33,7 @@ def digest(names: tuple[str, ...] = MEASURING) -> str:
     for name in names:
         path = package / name
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-            if file.suffix in (".py", ".toml"):
+            if file.suffix in (".csv", ".py", ".toml"):
                 found.update(file.relative_to(package).as_posix().encode())
                 found.update(file.read_bytes())
     for library in sorted(package.glob("*.so")):

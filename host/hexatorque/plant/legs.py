@@ -10,7 +10,7 @@ WHOLE, OPEN, BLOCKED, UPPER, LOWER = range(5)
 #: An edge with the state BREAK + kind breaks its leg, or mends it.
 BREAK = 3
 #: Most breaks that may be to come.
-MAX_BREAKS = 24
+MAX_BREAKS = 30  # those of all legs, while their contacts bounce
 
 #: A contact that bounces closes, opens, closes and opens again, at these parts of the time for
 #: which it bounces: each interval is half of the one before, the last two are alike.

@@ -204,7 +204,7 @@ def _link_lines(setup: Setup) -> list[str]:
         off_V, on_V = setup["inverter.chopper_off_V"], setup["inverter.chopper_on_V"]
         highest_V = max([setup["inverter.vdc_V"], *(volts for _, volts in setup.profile.vdc_V)])
         if setup["inverter.link_F"] == 0:
-            lines.append("inverter.chopper_ohm needs inverter.link_F above 0: a stiff link holds")
+            lines.append("inverter.chopper_ohm needs inverter.link_F above 0: else nothing rises")
         if off_V <= highest_V:
             lines.append(
                 f"inverter.chopper_off_V = {off_V:g}: allowed is more than {highest_V:g} V, "
@@ -214,6 +214,11 @@ def _link_lines(setup: Setup) -> list[str]:
             lines.append(
                 f"inverter.chopper_on_V = {on_V:g}: allowed is more than {off_V:g} V, "
                 "inverter.chopper_off_V"
+            )
+        if on_V >= setup["controller.vdc_max_V"]:
+            lines.append(
+                f"inverter.chopper_on_V = {on_V:g}: allowed is less than "
+                f"{setup['controller.vdc_max_V']:g} V, controller.vdc_max_V, where the drive trips"
             )
     return lines
 

@@ -396,6 +396,8 @@ class Function:
         value = self._plain(value)
         if self._returns is None:
             self._returns = value.kind
+        elif isinstance(value.kind, Scalar) and value.kind != self._returns:
+            raise self._refuse(node, f"a return of a {value.kind} after one of a {self._returns}")
         self._say(f"return {self._as(value, self._returns, node)};")
 
     def _do_raise(self, node: ast.Raise) -> None:

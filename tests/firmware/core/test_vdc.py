@@ -19,8 +19,9 @@ def config(high_V=HIGH, low_V=LOW):
     return ffi.new("ht_vdc_config *", [high_V, low_V, above, below, 1 / BAND, KP])
 
 
-def torque(wanted, omega, vdc_V, **levels):
-    return lib.ht_vdc_torque_Nm(config(**levels), wanted, LIMIT, omega, vdc_V)
+def torque(wanted, omega, vdc_V, began=None, **levels):
+    began = abs(omega) if began is None else began
+    return lib.ht_vdc_torque_Nm(config(**levels), wanted, LIMIT, omega, began, vdc_V)
 
 
 @pytest.mark.parametrize("omega", (-100.0, 100.0))
@@ -32,6 +33,19 @@ def test_power_into_the_link_ends_at_the_upper_level(omega):
     # Beyond it takes energy out, but not more than the share that a table's error needs.
     for beyond in (BAND, 10 * BAND):
         assert torque(braking, omega, HIGH + beyond) == pytest.approx(-PUSH * braking)
+
+
+@pytest.mark.parametrize("omega", (-100.0, -0.1, 0.0, 0.1, 100.0))
+@pytest.mark.parametrize("beyond_V", (0.1, BAND, 500.0))
+def test_a_shaft_is_pushed_to_no_more_than_a_tenth_above_its_speed(omega, beyond_V):
+    for wanted in (-LIMIT * np.sign(omega), 0.0):
+        for began in (0.9 * abs(omega), 0.0, float("nan")):
+            assert torque(wanted, omega, HIGH + beyond_V, began=began) == 0
+        # Near it the push falls with the speed regulator's gain.
+        near = torque(wanted, omega, HIGH + beyond_V, began=abs(omega) / 1.099)
+        assert abs(near) <= KP * abs(omega) * (1.1 / 1.099 - 1) * (1 + 1e-3)
+    driving = LIMIT * (np.sign(omega) or 1)
+    assert torque(driving, omega, HIGH + beyond_V, began=0.0) == driving
 
 
 @pytest.mark.parametrize("omega", (-100.0, 100.0))

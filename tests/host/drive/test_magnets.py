@@ -63,6 +63,22 @@ def test_alignment_finds_the_rotor(start_deg):
     assert abs(angle_error_deg(drive)) < 2
 
 
+@pytest.mark.parametrize("name", BUILT_IN)
+@pytest.mark.parametrize("share", (0.3, 0.7))
+def test_alignment_makes_no_xy_current(name, share):
+    """A voltage that the legs cannot make is clipped, and a clipped one has a part in x-y."""
+    scheme = "foc-24" if name == "magnet-24v" else "db-dtfc"
+    trip_A = setups.load(name).parameter("i_trip_A")
+    setup = setups.load(name).with_scheme(scheme, controller__build_current_A=share * trip_A)
+    drive = SimulatedDrive(setup, SAMPLES)
+    drive.start()
+    drive.run(1.5)
+    assert drive.state in ("build", "run")
+    recording = drive.take()
+    xy_Wb = np.hypot(recording["psi_x_Wb"], recording["psi_y_Wb"])
+    assert np.nanmax(xy_Wb) < 0.12 * share * trip_A * drive.get("lxy_H")
+
+
 def test_a_known_angle_needs_no_search():
     """The encoder counts from the start of the simulation, where the d axis is at 100 degrees."""
     drive, _ = begun(

@@ -123,6 +123,38 @@ def test_without_the_upper_level_braking_trips_within_40_ms():
     assert sim.snapshot["tick"] * sim.period_s - 4.0 < 0.04
 
 
+@pytest.mark.parametrize("name", ("paper-a-feasible", "magnet-interior"))
+def test_a_source_above_the_upper_level_does_not_run_the_shaft_up(name):
+    """When the drive pushed it all the time, it had a third of its speed by the end."""
+    scheme = load(name)["controller.scheme"]
+    sim = SimulatedDrive(limited(Case(name, scheme, 3.0, 0.5e-3, "brake")))
+    sim.start()
+    sim.run(2.0, record=False)
+    assert sim.state == firmware.RUN
+    sim.vdc_V *= HIGH + 0.02
+    acted = 0
+    for _ in range(20):
+        sim.run(0.1, record=False)
+        assert sim.state == firmware.RUN and abs(sim.speed_rpm) < 0.01 * SETUPS[name]
+        acted |= int(sim.controller.channel("limits"))
+    assert acted & firmware.lib.HT_LIMIT_VDC_HIGH
+
+
+@pytest.mark.parametrize("speed_rpm", (-600.0, 600.0))
+@pytest.mark.parametrize("link", ({}, {"inverter__link_F": 0.0}), ids=("capacitor", "stiff"))
+def test_a_source_above_the_upper_level_makes_a_turning_shaft_a_tenth_faster(speed_rpm, link):
+    # Without an inductance, with which the voltage would overshoot that of the source.
+    sim = SimulatedDrive(limited(BRAKE._replace(source_H=0.0), **link))
+    sim.start()
+    sim.set("speed_ref_rpm", speed_rpm)
+    sim.run(2.0, record=False)
+    sim.vdc_V *= HIGH + 0.02
+    sim.set("speed_ref_rpm", 0.0)
+    for _ in range(300):
+        sim.run(0.01, record=False)
+        assert sim.state == firmware.RUN and abs(sim.speed_rpm) < 1.12 * abs(speed_rpm)
+
+
 def test_without_the_lower_level_a_dip_under_load_trips():
     fan = {"load__kind": "fan", "load__at_rpm": 1215.0}
     found = []

@@ -123,6 +123,21 @@ def test_a_reset_a_kept_state_and_a_second_instance_give_the_same_bits(made):
     assert go_on(fmu, 0, 200) == first[:200]
 
 
+def test_a_leg_that_is_whole_again_stays_whole_though_its_contact_still_bounced(made):
+    """A contact bounces for 2 ms: 20 periods. All six may break in one step."""
+    fmu = Fmu(made()[2]).begin()
+    fmu.set(**{f"break_{leg}": 1 for leg in LEGS})
+    fmu.step()
+    fmu.set(**{f"break_{leg}": 0 for leg in LEGS})
+    for _ in range(30):
+        fmu.step()
+    fmu.set(run=True, speed_ref_rpm=200.0)
+    for _ in range(1500):
+        fmu.step()
+    state, faults = fmu.get("state", "faults")
+    assert (state, faults) == (firmware.lib.HT_STATE_RUN, 0) and not fmu.said
+
+
 def test_fmpy_finds_nothing_wrong(made):
     _, path, _ = made()
     assert validate_fmu(str(path)) == []

@@ -241,6 +241,7 @@ def test_gates_off_leave_the_link_to_its_source_and_chopper():
 BAD = {
     "chopper_off_V": (dict(CHOPPER, link_F=1e-3, chopper_off_V=249.0), "more than 250 V"),
     "chopper_on_V": (dict(CHOPPER, link_F=1e-3, chopper_on_V=251.0), "more than 252 V"),
+    "chopper_on_V = 900": (dict(CHOPPER, link_F=1e-3, chopper_on_V=900.0), "less than "),
     "chopper_ohm needs inverter.link_F": (CHOPPER, "above 0"),
     "link_F = 1e-07": ({"link_F": 1e-7}, "0 (a stiff link) or 1e-06 F and more"),
     "link_F = 11": ({"link_F": 11.0}, "0 .. 10 F"),

@@ -3,6 +3,7 @@ lock, and each kept as soon as it is there."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from pathlib import Path
@@ -34,7 +35,8 @@ def each(
         source = kept.digest(kept.EVERYTHING)
         for n, item in enumerate(tasks):
             places[n] = kept.Kept(folder, kind, source, function.__qualname__, item)
-            if there := places[n].load():
+            there = places[n].load()
+            if isinstance(there, list) and len(there) == 1:
                 found[n] = there[0]
     missing = [n for n in range(len(tasks)) if n not in found]
     workers = Processes()
@@ -47,9 +49,10 @@ def each(
             for future in wait(busy, return_when=FIRST_COMPLETED).done:
                 n = busy.pop(future)
                 try:
-                    found[n], simulated_s = workers.result(future)
+                    text, simulated_s = workers.result(future)
                 except Died:
                     raise StudyError(f"the process of a run died: {tasks[n]}") from None
+                found[n] = json.loads(text)
                 if n in places:
                     places[n].save([found[n]])
                 if progress:
@@ -59,11 +62,11 @@ def each(
     return [found[n] for n in range(len(tasks))]
 
 
-def _one(function: Function[A], item: A) -> tuple[Any, float]:
-    """In a worker: the result, and the simulated seconds."""
+def _one(function: Function[A], item: A) -> tuple[str, float]:
+    """In a worker: the result as a kept one is read, and the simulated seconds."""
     seconds = [0.0]
 
     def progress(simulated_s: float) -> None:
         seconds[0] += simulated_s
 
-    return function(item, progress), seconds[0]
+    return json.dumps(function(item, progress)), seconds[0]

@@ -62,12 +62,13 @@ def test_a_damaged_file_and_another_package_are_computed_again(called, tmp_path,
     each(root, task, folder)
     (path,) = folder.iterdir()
     assert json.loads(path.read_text()) == [{"root": 2}]
-    path.write_text("[{")
-    assert each(root, task, folder) == [{"root": 2}]
+    for damaged in ("[{", "7", '{"root": 3}', "[]"):
+        path.write_text(damaged)
+        assert each(root, task, folder) == [{"root": 2}]
     digest = kept.digest  # a module that only studies use has changed
     monkeypatch.setattr(kept, "digest", lambda *names: digest(*names) + len(names) * "!")
     assert each(root, task, folder) == [{"root": 2}]
-    assert len(calls(called)) == 3 and len(list(folder.iterdir())) == 2
+    assert len(calls(called)) == 6 and len(list(folder.iterdir())) == 2
 
 
 def test_a_process_that_dies_ends_the_study_with_its_item(called):
