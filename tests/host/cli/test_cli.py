@@ -213,7 +213,7 @@ def test_studies_report_violated_limits(found, code, tmp_path, capsys, monkeypat
         return path
 
     study = types.SimpleNamespace(
-        study=lambda quick, progress: {"quick": quick},
+        study=lambda quick, progress, folder=None: {"quick": quick},
         tables=lambda result: ["a table"],
         failures=lambda result: found,
         plot=plot,

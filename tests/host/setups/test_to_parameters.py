@@ -107,7 +107,8 @@ def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_d
     section, key = path.split(".")
     common = {
         "timing.latency": "immediate", "inverter.e_ref_V": 600.0, "inverter.e_ref_A": 10.0,
-        "inverter.link_F": 1e-3, "inverter.chopper_on_V": 800.0, "inverter.chopper_off_V": 700.0,
+        "inverter.link_F": 1e-3, "inverter.chopper_on_V": 560.0, "inverter.chopper_off_V": 550.0,
+        "controller.vdc_max_V": 570.0, "sensors.vdc_full_V": 800.0,
     }  # fmt: skip
     induction = section != "machine" or key == "model" or key in constants_of("induction")
     setup = (
