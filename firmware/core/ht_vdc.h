@@ -14,9 +14,9 @@ typedef struct {
     float kp_Nms_rad; /**< of the speed PI: the drive brakes no harder to a standstill */
 } ht_vdc_config;
 
-/** Share of the torque limit that may drive the shaft to lower the voltage. At a reference of 0 the
- *  tables' torque is some percent below it, so that a limit at 0 would not stop the charging. */
-#define HT_VDC_PUSH 0.1f
+/** Share of the torque limit that may drive the shaft to lower the voltage. The tables' mean torque is
+ *  below its reference, above rated speed by a fifth of the limit: a limit at 0 would go on charging. */
+#define HT_VDC_PUSH 0.3f
 /** The push ends at this multiple of the speed at which it began: the source may hold the voltage, and
  *  would run the shaft up. At standstill there is none. */
 #define HT_VDC_FASTER 1.1f

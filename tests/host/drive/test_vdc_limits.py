@@ -1,6 +1,7 @@
 """The drive keeps its dc link below the trip when it brakes into a capacitor, and above the other
 one while its source is away, under every scheme and with both kinds of machine."""
 
+import functools
 import itertools
 import math
 from typing import NamedTuple
@@ -10,6 +11,7 @@ import pytest
 from campaigns import part
 
 from hexatorque import SetupError, SimulatedDrive, firmware, load, setups
+from hexatorque.setups import review
 
 #: Levels as shares of the source's voltage: in reach of the derived trips.
 HIGH, LOW = 1.25, 0.8
@@ -104,13 +106,16 @@ def driven(case, **changes):
 def test_no_manoeuvre_trips_with_a_capacitor_that_the_misfit_allows(case):
     sim, highest_V, lowest_V = driven(case)
     if sim.faults == ["over-current"]:
-        # dtc1 does not regulate x-y: with some machines it trips on a stiff link, too.
-        way = case.manoeuvre if isinstance(case.manoeuvre, str) else "brake"
-        stiff = {"inverter__link_F": 0.0}
-        stiff |= {"controller__vdc_high_V": 0.0, "controller__vdc_low_V": 0.0}
-        assert driven(case._replace(manoeuvre=way), **stiff)[0].faults == ["over-current"]
+        # Not the link's fault, if `check` refuses the scheme with this machine: its peak is too near.
+        assert not _is_ready(case.setup, case.scheme)
     else:
         assert not sim.faults, (highest_V, lowest_V)
+
+
+@functools.cache
+def _is_ready(name, scheme):
+    setup = load(name).changed(controller__scheme=scheme)
+    return bool(review.ready_of(review.review(setup, [scheme]), [scheme]))
 
 
 BRAKE = Case("paper-a-feasible", "ddr", 3.0, 0.5e-3, "brake")
