@@ -233,6 +233,11 @@ def from_magnets(text: str, title: str) -> str:
             "power and voltage, rs_ohm, ld_H and lq_H are twice as large, current_A is half"
         )
     ld_H, pole_pairs = given["ld_H"], given["poles"] // 2
+    if 0 < given["lq_H"] < ld_H:
+        raise SetupError(
+            f"ld_H = {ld_H:g}, lq_H = {given['lq_H']:g}: L_d may not be above L_q; the d axis is "
+            "the magnets' north pole: are they exchanged?"
+        )
     omega = pole_pairs * 1000 * math.pi / 30
     machine = {
         MODEL: ("magnet", "", ""),

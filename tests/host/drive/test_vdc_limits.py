@@ -106,7 +106,7 @@ def driven(case, **changes):
 def test_no_manoeuvre_trips_with_a_capacitor_that_the_misfit_allows(case):
     sim, highest_V, lowest_V = driven(case)
     if sim.faults == ["over-current"]:
-        # Not the link's fault, if `check` refuses the scheme with this machine: its peak is too near.
+        # It is not the link's fault if `check` refuses the scheme: its peak is near the trip.
         assert not _is_ready(case.setup, case.scheme)
     else:
         assert not sim.faults, (highest_V, lowest_V)

@@ -1,6 +1,7 @@
 """Set-ups that `hexatorque new` makes of the data sheet of a machine with magnets."""
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -72,6 +73,18 @@ def test_inductances_that_are_exchanged_are_named(tmp_path, capsys):
     assert "L_d may not be above L_q" in capsys.readouterr().err
     assert main(["new", str(file), "--magnets", INTERIOR, "--circuit", INTERIOR]) == 2
     assert "give one list" in capsys.readouterr().err and not file.exists()
+
+
+def test_an_inductance_in_mH_and_a_speed_above_the_ceiling_are_named(tmp_path, capsys):
+    file = str(tmp_path / "mine.toml")
+    assert main(["new", file, "--magnets", SURFACE.replace("e-3", "")]) == 2
+    assert re.search(r"ld_H = 2.1 H, which is 2100 mH: check it", capsys.readouterr().err)
+    assert main(["new", file, "--magnets", SURFACE + " speed_rpm=3000"]) == 0
+    assert "raise inverter.vdc_V" in capsys.readouterr().out.splitlines()[0]
+    fast = setups.load(file)
+    verdicts = {f.subject: f for f in review.review(fast, [])}
+    trip = verdicts["rated speed against the trip"]
+    assert trip.verdict == "bad" and trip.advice.startswith("raise inverter.vdc_V")
 
 
 @pytest.mark.parametrize("lxy_share", new.LXY_OF_LD_RANGE)
