@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hexatorque.firmware import ffi, lib
 
 HIGH, LOW, BAND, LIMIT, KP = 320.0, 200.0, 15.0, 12.0, 0.4
-#: Share of the limit that drives the shaft to lower the voltage.
-PUSH = 0.1
+#: Share of the limit that drives the shaft to lower the voltage: what docs/protection.md states.
+PUSH = 0.3
 
 
 def config(high_V=HIGH, low_V=LOW):
