@@ -215,9 +215,9 @@ LEAST_MAIN = 3.0
 #: Largest share of the voltage that the rated current takes in a winding's resistance: of published
 #: machines 0.12.
 MOST_RESISTANCE = 0.5
-#: Flux that the rated current makes in L_d, in units of the magnets'. Machines without iron teeth
-#: have 0.01, those that lean on reluctance 2, the built-in ones 0.15 to 0.75; mH taken for H 100.
-LEAST_ARMATURE, MOST_ARMATURE = 0.002, 10.0
+#: Flux that the rated current makes in L_d, in units of the magnets'. The built-in machines have
+#: 0.15 to 0.75; one whose L_d was typed in mH has a thousand times as much.
+MOST_ARMATURE = 10.0
 
 
 def _believable(d: Design) -> Iterator[Finding]:
@@ -469,11 +469,9 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
         MOST_RESISTANCE, "",
         "no machine has so much: check machine.rs_ohm, rated.current_A and inverter.vdc_V",
     )  # fmt: skip
-    armature = m.ld_H * d.rated_A / m.psi_f_Wb
-    few = armature < LEAST_ARMATURE
-    yield (at_least if few else at_most)(
-        "flux of the rated current in L_d over the magnets'", armature,
-        LEAST_ARMATURE if few else MOST_ARMATURE, "",
+    yield at_most(
+        "flux of the rated current in L_d over the magnets'", m.ld_H * d.rated_A / m.psi_f_Wb,
+        MOST_ARMATURE, "",
         f"no machine has that with machine.ld_H = {m.ld_H:g} H, which is {1e3 * m.ld_H:g} mH: "
         "check it, machine.psi_f_Wb and rated.current_A",
     )  # fmt: skip
@@ -546,13 +544,18 @@ def _loops(d: Design) -> Iterator[Finding]:
 def _speed(d: Design) -> Iterator[Finding]:
     p = d.parameter
     most_rpm = 0.95 * p("speed_trip_rpm")
-    raised = "raise controller.speed_trip_rpm"
-    if d.magnets and max(d.rated_rpm, d.asked_rpm) > 0.95 * d.machine.ceiling_rpm(d.vdc_V):
-        raised = "raise inverter.vdc_V: the gates could not end what faster magnets drive"
-    yield at_most("rated speed against the trip", d.rated_rpm, most_rpm, "r/min", raised)
+
+    def raised(speed_rpm: float) -> str:
+        if d.magnets and speed_rpm > 0.95 * d.machine.ceiling_rpm(d.vdc_V):
+            return "raise inverter.vdc_V: without gates the magnets would drive current"
+        return "raise controller.speed_trip_rpm"
+
+    yield at_most(
+        "rated speed against the trip", d.rated_rpm, most_rpm, "r/min", raised(d.rated_rpm)
+    )  # fmt: skip
     yield at_most(
         "fastest speed that is asked for against the trip", d.asked_rpm, most_rpm, "r/min",
-        f"ask for less, or {raised}",
+        f"ask for less, or {raised(d.asked_rpm)}",
     )  # fmt: skip
     corner_rad_s = p("kp_speed_Nms_rad") / d.machine.inertia_kgm2
     if corner_rad_s > 0:

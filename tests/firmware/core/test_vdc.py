@@ -1,6 +1,8 @@
 """The limits of the dc link: power into the link ends at the upper level, power out of it at the
 lower one."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from hexatorque.firmware import ffi, lib
 
 HIGH, LOW, BAND, LIMIT, KP = 320.0, 200.0, 15.0, 12.0, 0.4
-#: Share of the limit that drives the shaft to lower the voltage: what docs/protection.md states.
+#: Share of the limit that drives the shaft to lower the voltage.
 PUSH = 0.3
 
 
@@ -33,6 +35,11 @@ def test_power_into_the_link_ends_at_the_upper_level(omega):
     # Beyond it takes energy out, but not more than the share that a table's error needs.
     for beyond in (BAND, 10 * BAND):
         assert torque(braking, omega, HIGH + beyond) == pytest.approx(-PUSH * braking)
+
+
+def test_the_page_states_the_share():
+    page = Path(__file__).parents[3] / "docs/protection.md"
+    assert f"with {PUSH:g} of the limit" in page.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("omega", (-100.0, -0.1, 0.0, 0.1, 100.0))
