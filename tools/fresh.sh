@@ -1,15 +1,17 @@
 #!/bin/sh
 # What README says, done on a fresh system: the smallest Debian that debootstrap makes.
 #
-#   tools/fresh.sh bookworm|trixie|forky
+#   tools/fresh.sh bookworm|trixie|forky [TESTS]
 #
+# TESTS: make's target for the tests there, as in tools/newcomer.sh.
 # Needs root and debootstrap; ends with 77 where root may not make name spaces. The system is made in
 # a temporary folder from this computer's own mirror and removed at the end. The rest is
 # tools/newcomer.sh, in that system.
 set -eu
 
 suite=${1:-}
-folder=${2:-}
+tests=${2:-test}
+folder=${3:-}
 tree=$(cd "$(dirname "$0")/.." && pwd)
 
 fail() {
@@ -37,7 +39,7 @@ if [ -z "$folder" ]; then
     trap end EXIT
     trap 'exit 130' INT
     trap 'exit 143' TERM HUP
-    unshare --mount --pid --fork --kill-child --mount-proc "$0" "$suite" "$folder" &
+    unshare --mount --pid --fork --kill-child --mount-proc "$0" "$suite" "$tests" "$folder" &
     inner=$!
     status=0
     wait $inner || status=$?
@@ -76,4 +78,4 @@ python3 "$tree/tools/pip_settings.py" >"$system/root/pip.conf"
 
 printf '[safe]\n\tdirectory = *\n' >"$folder/gitconfig"
 GIT_CONFIG_GLOBAL=$folder/gitconfig git clone --quiet "$tree" "$system/srv/hexatorque"
-in_system /srv/hexatorque/tools/newcomer.sh /root/pip.conf
+in_system /srv/hexatorque/tools/newcomer.sh /root/pip.conf "$tests"

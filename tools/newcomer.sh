@@ -1,10 +1,10 @@
 #!/bin/sh
 # What README says, done by a user who is new to this computer: needs root, who makes that user.
 #
-#   tools/newcomer.sh [PIP_CONF]
+#   tools/newcomer.sh [PIP_CONF [TESTS]]
 #
 # Installs the packages that README names, clones this tree's commit into a folder whose name has a
-# space, in the home of the user, and runs `make demo` and `make test` there in an empty environment.
+# space, in the home of the user, and runs `make demo` and `make TESTS` (test) there in an empty environment.
 # HT_… variables are passed on. PIP_CONF tells the user's pip how to reach a package index, as
 # tools/pip_settings.py writes it. The user is removed again unless it was there before.
 set -eu
@@ -59,4 +59,4 @@ GIT_CONFIG_GLOBAL=$aside/gitconfig git clone --quiet --bare "$tree" "$aside/hexa
 chown -R "$user" "$aside/hexatorque.git"
 as_user git clone --quiet "$aside/hexatorque.git" "$aside/a place/hexatorque"
 as_user make -C "$aside/a place/hexatorque" --no-print-directory demo
-as_user make -C "$aside/a place/hexatorque" --no-print-directory test
+as_user make -C "$aside/a place/hexatorque" --no-print-directory "${2:-test}"
