@@ -233,6 +233,20 @@ static void configure_vdc(const float *v, ht_vdc_config *c)
     c->kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
 }
 
+/* Rates per slow interrupt. */
+static void configure_motion(const float *v, ht_drive_config *c)
+{
+    float slow_s = 1.0f / v[HT_P_f_slow_Hz];
+    c->ramp.up_rpm = v[HT_P_ramp_up_rpm_s] * slow_s;
+    c->ramp.down_rpm = v[HT_P_ramp_down_rpm_s] * slow_s;
+    c->ramp.jerk_rpm = v[HT_P_ramp_jerk_rpm_s2] * slow_s * slow_s;
+    c->stop = c->ramp;
+    if (v[HT_P_motion] == (float)HT_MOTION_QUICK_STOP) {
+        c->stop.down_rpm = v[HT_P_quick_stop_rpm_s] * slow_s;
+        c->stop.jerk_rpm = 0.0f;
+    }
+}
+
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
     const float *v = c->params.v;
@@ -244,7 +258,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->alignment.pole_pairs = (uint16_t)v[HT_P_pole_pairs];
     c->speed.kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
     c->speed.ki_ts_Nms_rad = v[HT_P_ki_speed_Nm_rad] / v[HT_P_f_slow_Hz];
-    c->speed.torque_limit_Nm = v[HT_P_torque_limit_Nm];
+    configure_motion(v, c);
     c->measure.rpm_per_count = 60.0f * v[HT_P_f_slow_Hz] / v[HT_P_encoder_counts_rev];
     c->measure.rpm_ticks = 60.0f * (float)HT_CAPTURE_COUNTS * ht_port_capture_clock_Hz(port)
                            / v[HT_P_encoder_counts_rev];

@@ -10,6 +10,7 @@
 #include "ht_excitation.h"
 #include "ht_params.h"
 #include "ht_protect.h"
+#include "ht_ramp.h"
 #include "ht_result.h"
 #include "ht_set_difference.h"
 #include "ht_speed.h"
@@ -24,6 +25,8 @@ typedef struct {
     ht_control_config control;
     ht_protect_config protect;
     ht_speed_config speed;
+    ht_ramp_config ramp; /**< of the speed reference */
+    ht_ramp_config stop; /**< the same for a stop, by `motion` */
     ht_speed_measure_config measure;
     ht_flux_config flux;
     ht_vdc_config vdc;
@@ -59,6 +62,9 @@ ht_range ht_param_range(const ht_port *port, uint16_t id);
 
 /** True if `value` is finite, in `ht_param_range` and, for choices, whole. */
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
+
+/** Values of the parameter `motion`. */
+enum { HT_MOTION_FOLLOW = 0, HT_MOTION_STOP = 1, HT_MOTION_QUICK_STOP = 2 };
 
 /** Control configuration and PWM set-up of `c->params`, which are each in range. Refuses
  *  those that do not fit together (HT_ERROR_CONFIG) or the hardware (HT_ERROR_PORT).

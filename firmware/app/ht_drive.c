@@ -288,6 +288,8 @@ static void calibrate(ht_drive *d)
     d->slow_faults = 0u; /* of the run before: the slow loop may not have come by since */
     ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
     ht_speed_reset(&d->speed);
+    ht_ramp_reset(&d->ramp, d->speed_rpm);
+    d->motion = (uint16_t)HT_MOTION_FOLLOW;
     ht_set_difference_begin(&d->sets);
     d->torque_ref_Nm = 0.0f;
     d->vdc_acts = 0u;
@@ -345,6 +347,7 @@ HT_SELDOM static void limit_by_vdc(ht_drive *d)
     float torque_Nm = ht_vdc_torque_Nm(c, d->torque_ref_Nm, d->torque_limit_Nm,
                                        d->speed_rpm * RAD_S_PER_RPM,
                                        d->vdc_from_rpm * RAD_S_PER_RPM, vdc_V);
+    torque_Nm = (torque_Nm < d->torque_least_Nm) ? d->torque_least_Nm : torque_Nm;
     if (torque_Nm != d->torque_ref_Nm) {
         unsigned acts = (vdc_V > c->above_V) ? (unsigned)HT_LIMIT_VDC_HIGH
                                              : (unsigned)HT_LIMIT_VDC_LOW;
@@ -562,6 +565,9 @@ ht_result ht_drive_start(ht_drive *d)
     }
     if (!finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm])) {
         return HT_ERROR_TURNING;
+    }
+    if (d->params.v[HT_P_motion] != (float)HT_MOTION_FOLLOW) {
+        return HT_ERROR_MOTION;
     }
     if (ht_drive_restart_wait(d) != 0u) {
         return HT_ERROR_RESTART;

@@ -3,7 +3,7 @@
  *  parameters and telemetry around the control core.
  *
  *  States:  IDLE -start-> CALIBRATE -> BUILD -> RUN, any -fault-> FAULT -clear->
- *  IDLE, any but FAULT -stop-> IDLE. With `start_mode` = test, CALIBRATE -> TEST -time over->
+ *  IDLE, any but FAULT -stop-> IDLE, RUN -shaft stopped by `motion`-> IDLE. With `start_mode` = test, CALIBRATE -> TEST -time over->
  *  IDLE instead (ht_excitation.h). The gates are on in BUILD, RUN and TEST only.
  *
  *  Concurrency on a target:
@@ -48,7 +48,7 @@ uint16_t ht_state_flags(uint16_t state);
 #define HT_BUILD_BLIND 0.1f
 
 /** Limits that keep the torque from its reference (channel `limits`). */
-enum { HT_LIMIT_TORQUE = 1, HT_LIMIT_VDC_HIGH = 2, HT_LIMIT_VDC_LOW = 4 };
+enum { HT_LIMIT_TORQUE = 1, HT_LIMIT_VDC_HIGH = 2, HT_LIMIT_VDC_LOW = 4, HT_LIMIT_POWER = 8 };
 
 /** The values of the fast interrupt that raised the latest fault. */
 typedef struct {
@@ -110,6 +110,10 @@ typedef struct {
                                     *   weakening goes below */
     float omega_mean_rad_s;    /**< flux speed, slow mean */
     float torque_limit_Nm;     /**< of the torque reference, as it is now */
+    float torque_least_Nm;     /**< below 0: the same for a negative one */
+    ht_ramp_state ramp;        /**< of the speed reference */
+    float stop_ticks;          /**< slow interrupts since the stop began */
+    uint16_t motion;           /**< as the latest slow interrupt found it */
     ht_set_difference sets;    /**< learnt; a stop does not forget it */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
@@ -134,7 +138,7 @@ void ht_drive_fast_isr(ht_drive *d);
 /** The slow interrupt: speed measurement, speed PI, flux reference. */
 void ht_drive_slow_isr(ht_drive *d);
 
-/** Commands from the background. A start needs IDLE and standstill, a clear needs
+/** Commands from the background. A start needs IDLE, standstill and motion = follow, a clear needs
  *  FAULT; both are refused while the trip pin is low. After `restart_count` trips by hardware,
  *  each less than `restart_wait_s` after the one before, a start is refused until that time has passed. */
 ht_result ht_drive_start(ht_drive *d);

@@ -96,6 +96,9 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     d->omega_mean_rad_s = 0.0f;
     d->flux_lowered = 0u;
     d->torque_limit_Nm = d->params.v[HT_P_torque_limit_Nm];
+    d->torque_least_Nm = -d->torque_limit_Nm;
+    ht_ramp_reset(&d->ramp, 0.0f);
+    d->motion = (uint16_t)HT_MOTION_FOLLOW;
     d->along_A = 0.0f;
     d->slow_faults = 0u;
     d->off_legs = 0u;

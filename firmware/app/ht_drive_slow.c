@@ -235,13 +235,50 @@ static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
     return ht_flux_reference(&c->flux, &flux);
 }
 
-/* The torque reference, by the speed or as it is given, within its limit. */
+/* Limits of the torque reference for either sign, and of its power. Returns which of them is the nearer
+ * one, HT_LIMIT_... */
+static unsigned limit_torque(const ht_drive *d, const float *v, float *least_Nm, float *most_Nm)
+{
+    float omega_rad_s = fabsf(d->speed_rpm) * (PI_F / 30.0f);
+    float power_W = v[HT_P_power_limit_W];
+    *most_Nm = d->torque_limit_Nm;
+    *least_Nm = d->torque_least_Nm;
+    if ((power_W > 0.0f) && ((*most_Nm * omega_rad_s) > power_W)) {
+        *most_Nm = power_W / omega_rad_s;
+        *least_Nm = (*least_Nm < -*most_Nm) ? -*most_Nm : *least_Nm;
+        return HT_LIMIT_POWER;
+    }
+    return HT_LIMIT_TORQUE;
+}
+
+/* The speed reference on its way: by the ramp, or down to a standstill. A ramp begins at the speed that is
+ * measured. */
+static float speed_ref_rpm(ht_drive *d, const ht_drive_config *c)
+{
+    const float *v = c->params.v;
+    uint16_t motion = (uint16_t)v[HT_P_motion];
+    bool stops = motion != (uint16_t)HT_MOTION_FOLLOW;
+    if (motion != d->motion) {
+        d->motion = motion;
+        d->stop_ticks = 0.0f;
+        ht_ramp_reset(&d->ramp, d->speed_rpm);
+    }
+    return ht_ramp_step(stops ? &c->stop : &c->ramp, &d->ramp, stops ? 0.0f : v[HT_P_speed_ref_rpm],
+                        d->speed_rpm, d->limits != 0u);
+}
+
+/* The torque reference, by the speed or as it is given, within its limits. */
 static void follow_reference(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
-    ht_speed_config speed = c->speed;
     uint16_t vdc_acts = d->vdc_acts; /* one that acts in between acts again */
-    speed.torque_limit_Nm = d->torque_limit_Nm;
+    float negative_Nm = v[HT_P_torque_negative_Nm];
+    float least_Nm;
+    float most_Nm;
+    unsigned nearer;
+    d->torque_least_Nm =
+        -((negative_Nm > 0.0f) ? smaller(d->torque_limit_Nm, negative_Nm) : d->torque_limit_Nm);
+    nearer = limit_torque(d, v, &least_Nm, &most_Nm);
     d->vdc_acts = 0u;
     if (!(d->in.vdc_V > c->vdc.above_V)) {
         d->vdc_from_rpm = (d->speed_rpm < 0.0f) ? -d->speed_rpm : d->speed_rpm;
@@ -249,16 +286,32 @@ static void follow_reference(ht_drive *d, const ht_drive_config *c)
     if (vdc_acts != 0u) {
         ht_speed_follow(&d->speed, d->in.torque_ref_Nm); /* the regulator goes on from there */
     }
-    if (v[HT_P_control_mode] != 0.0f) {
-        d->torque_ref_Nm = ht_limited(v[HT_P_torque_ref_Nm], d->torque_limit_Nm);
+    if ((v[HT_P_control_mode] != 0.0f) && (v[HT_P_motion] == (float)HT_MOTION_FOLLOW)) {
+        d->torque_ref_Nm = ht_between(v[HT_P_torque_ref_Nm], least_Nm, most_Nm);
+        d->motion = (uint16_t)HT_MOTION_FOLLOW;
+        ht_ramp_reset(&d->ramp, d->speed_rpm);
         ht_speed_follow(&d->speed, d->torque_ref_Nm); /* no step on the return to speed mode */
     } else {
-        float error = (v[HT_P_speed_ref_rpm] - d->speed_rpm) * (PI_F / 30.0f);
-        d->torque_ref_Nm = ht_speed_step(&speed, &d->speed, error);
+        float error = (speed_ref_rpm(d, c) - d->speed_rpm) * (PI_F / 30.0f);
+        d->torque_ref_Nm = ht_speed_step(&c->speed, &d->speed, error, least_Nm, most_Nm);
     }
     d->limits = vdc_acts;
-    if ((d->torque_ref_Nm >= d->torque_limit_Nm) || (d->torque_ref_Nm <= -d->torque_limit_Nm)) {
-        d->limits = (uint16_t)(vdc_acts | (unsigned)HT_LIMIT_TORQUE);
+    if ((d->torque_ref_Nm >= most_Nm) || (d->torque_ref_Nm <= least_Nm)) {
+        d->limits = (uint16_t)(vdc_acts | nearer);
+    }
+}
+
+/* A stop is over when the shaft stands as for a start, or when its time is. Then the gates go off, as at a
+ * command of the background. */
+static void come_to_a_stop(ht_drive *d, const float *v)
+{
+    if (d->motion == (uint16_t)HT_MOTION_FOLLOW) {
+        return;
+    }
+    d->stop_ticks += 1.0f;
+    if (((d->ramp.speed_rpm == 0.0f) && (fabsf(d->speed_rpm) <= v[HT_P_start_max_rpm]))
+        || (d->stop_ticks >= (v[HT_P_stop_s] * v[HT_P_f_slow_Hz]))) {
+        ht_drive_stop(d);
     }
 }
 
@@ -355,6 +408,7 @@ void ht_drive_slow_isr(ht_drive *d)
             d->flux_ref_Wb = weakened_Wb(d, c);
             refer_torque(d, c);
         }
+        come_to_a_stop(d, c->params.v);
     } else {
         d->slow_faults = 0u;
         if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->control.observer.magnets) {

@@ -141,6 +141,25 @@ float ht_misfit_band_V(const ht_params *p)
     return power_W * VDC_PERIODS / (VDC_SHARE * v[HT_P_f_isr_Hz] * level_V * v[HT_P_link_F]);
 }
 
+float ht_misfit_stop_s(const ht_params *p)
+{
+    const float *v = p->v;
+    float down_rpm_s = v[HT_P_ramp_down_rpm_s];
+    float quick_rpm_s = v[HT_P_quick_stop_rpm_s];
+    float ramp_s = 0.0f;
+    float quick_s = 0.0f;
+    if (down_rpm_s > 0.0f) {
+        ramp_s = v[HT_P_speed_trip_rpm] / down_rpm_s;
+        if (v[HT_P_ramp_jerk_rpm_s2] > 0.0f) {
+            ramp_s += down_rpm_s / v[HT_P_ramp_jerk_rpm_s2];
+        }
+    }
+    if (quick_rpm_s > 0.0f) {
+        quick_s = v[HT_P_speed_trip_rpm] / quick_rpm_s;
+    }
+    return (ramp_s > quick_s) ? ramp_s : quick_s;
+}
+
 /* What the limits of the dc link demand where there are any. */
 static bool vdc_fits(const ht_params *p, uint16_t misfit)
 {
@@ -225,6 +244,9 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_VDC_LEVELS:
     case HT_MISFIT_VDC_BAND:
         result = vdc_fits(p, misfit);
+        break;
+    case HT_MISFIT_STOP_TIME:
+        result = v[HT_P_stop_s] >= ht_misfit_stop_s(p);
         break;
     default:
         result = in_order(v, &table[misfit - 1u]);

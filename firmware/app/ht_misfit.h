@@ -37,6 +37,9 @@ const ht_misfit_info *ht_misfit_describe(uint16_t misfit);
  *  speed the torque falls. */
 float ht_misfit_band_V(const ht_params *p);
 
+/** Least `stop_s`: what the ramps take from `speed_trip_rpm` down; 0 without a ramp. */
+float ht_misfit_stop_s(const ht_params *p);
+
 /** The first misfit of parameters that are each in range. */
 ht_misfit ht_misfit_of(const ht_params *p, float pwm_clock_Hz);
 

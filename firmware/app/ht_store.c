@@ -210,13 +210,22 @@ void ht_store_none(ht_store *s)
     s->set = (uint16_t)HT_SET_DEFAULTS;
 }
 
+bool ht_store_is_command(uint16_t id)
+{
+    return (id == (uint16_t)HT_P_speed_ref_rpm) || (id == (uint16_t)HT_P_torque_ref_Nm)
+           || (id == (uint16_t)HT_P_start_mode) || (id == (uint16_t)HT_P_motion);
+}
+
 ht_result ht_store_start(ht_store *s, ht_drive *d, ht_port *port, const ht_params *defaults)
 {
     s->set = ht_store_load(s, &d->params); /* the drive's own: a stack has little room */
     if (s->set == (uint16_t)HT_SET_SAVED) {
-        d->params.v[HT_P_speed_ref_rpm] = defaults->v[HT_P_speed_ref_rpm];
-        d->params.v[HT_P_torque_ref_Nm] = defaults->v[HT_P_torque_ref_Nm];
-        d->params.v[HT_P_start_mode] = defaults->v[HT_P_start_mode];
+        uint16_t id;
+        for (id = 0u; id < (uint16_t)HT_PARAMS; id++) {
+            if (ht_store_is_command(id)) {
+                d->params.v[id] = defaults->v[id];
+            }
+        }
         if (ht_drive_init(d, port, &d->params) == HT_OK) {
             return HT_OK;
         }

@@ -19,7 +19,7 @@
  *  that only widens a range keeps its set. A set with a value out of today's range, or one that
  *  the board refuses (its shortest dead time), is refused as a whole.
  *
- *  The references (`speed_ref_rpm`, `torque_ref_Nm`) are commands, not settings. A start takes
+ *  Some parameters are commands, not settings (ht_store_is_command). A start takes
  *  their built-in values, so that no drive starts to turn because of a command from before the
  *  power-off.
  */
@@ -40,6 +40,9 @@ typedef struct {
     ht_store_port port; /**< `read` = NULL: this image keeps no parameters */
     uint16_t set;       /**< HT_SET_..., as it was taken at the start; saving does not change it */
 } ht_store;
+
+/** True for a parameter that is a command: what the drive follows, and how it starts. */
+bool ht_store_is_command(uint16_t id);
 
 /** Make `s` a store without a memory: nothing is kept. */
 void ht_store_none(ht_store *s);

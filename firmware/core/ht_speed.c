@@ -12,17 +12,18 @@ void ht_speed_follow(ht_speed_state *st, float torque_Nm)
     st->integral_Nm = torque_Nm;
 }
 
-float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_rad_s)
+float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_rad_s,
+                    float least_Nm, float most_Nm)
 {
-    float limit = cfg->torque_limit_Nm;
     float wanted = cfg->kp_Nms_rad * error_rad_s + st->integral_Nm;
-    float torque = ht_limited(wanted, limit);
+    float torque = ht_between(wanted, least_Nm, most_Nm);
     if ((wanted - wanted) != 0.0f) {
         return 0.0f; /* NaN or infinity: no torque, nothing learnt */
     }
     if ((torque == wanted) || ((error_rad_s * wanted) < 0.0f)) {
         /* Limited, not refused: the limit may have been lowered meanwhile. */
-        st->integral_Nm = ht_limited(st->integral_Nm + cfg->ki_ts_Nms_rad * error_rad_s, limit);
+        st->integral_Nm =
+            ht_between(st->integral_Nm + cfg->ki_ts_Nms_rad * error_rad_s, least_Nm, most_Nm);
     }
     return torque;
 }

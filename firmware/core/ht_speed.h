@@ -1,14 +1,13 @@
 /** @file ht_speed.h
- *  The two regulators of the slow loop: speed PI with a torque limit, and the flux reference with
+ *  The two regulators of the slow loop: speed PI with torque limits, and the flux reference with
  *  field weakening. Speeds in rad/s, torque in N m, flux in Wb.
  */
 #ifndef HT_SPEED_H
 #define HT_SPEED_H
 
 typedef struct {
-    float kp_Nms_rad;      /**< N m per rad/s (mechanical) */
-    float ki_ts_Nms_rad;   /**< integral gain times the slow period */
-    float torque_limit_Nm; /**< > 0 */
+    float kp_Nms_rad;    /**< N m per rad/s (mechanical) */
+    float ki_ts_Nms_rad; /**< integral gain times the slow period */
 } ht_speed_config;
 
 typedef struct {
@@ -21,10 +20,11 @@ void ht_speed_reset(ht_speed_state *st);
  *  step. */
 void ht_speed_follow(ht_speed_state *st, float torque_Nm);
 
-/** Torque reference for a speed error in rad/s (mechanical). The integrator stops where it would
- *  push further into the limit. A NaN or infinite error gives no torque and does not change the
- *  integrator. */
-float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_rad_s);
+/** Torque reference, from `least_Nm` (< 0) to `most_Nm` (> 0), for a speed error in rad/s (mechanical).
+ *  The integrator stops where it would push further into a limit. A NaN or infinite error gives no
+ *  torque and does not change the integrator. */
+float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_rad_s,
+                    float least_Nm, float most_Nm);
 
 typedef struct {
     float flux_min_Wb; /**< never weakened below this */

@@ -277,8 +277,17 @@ def _least_band_V(value_of: Callable[[str], Any]) -> float:
     return float(lib.ht_misfit_band_V(ffi.new("ht_params *", [values])))
 
 
+def _least_stop_s(value_of: Callable[[str], Any]) -> float:
+    """Least `stop_s` that holds the ramps."""
+    values = [row.parse(value_of(name)) for name, row in parameters().items()]
+    return float(lib.ht_misfit_stop_s(ffi.new("ht_params *", [values])))
+
+
 #: The same with its least value.
-_LEAST: dict[int, Callable[[Callable[[str], Any]], float]] = {lib.HT_MISFIT_VDC_BAND: _least_band_V}
+_LEAST: dict[int, Callable[[Callable[[str], Any]], float]] = {
+    lib.HT_MISFIT_VDC_BAND: _least_band_V,
+    lib.HT_MISFIT_STOP_TIME: _least_stop_s,
+}
 
 
 def misfit_text(misfit: int, value_of: Callable[[str], Any]) -> str:

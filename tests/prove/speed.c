@@ -8,19 +8,21 @@ void prove_speed(void)
     ht_speed_state st;
     float before = nondet_float();
     float error = nondet_float();
+    float least = nondet_float();
+    float most = nondet_float();
     float torque;
     c.kp_Nms_rad = nondet_float();
     c.ki_ts_Nms_rad = nondet_float();
-    c.torque_limit_Nm = nondet_float();
     st.integral_Nm = before;
-    /* A torque reference that was followed may lie beyond the limit. */
-    GIVEN((c.torque_limit_Nm > 0.0f) && is_finite(c.torque_limit_Nm) && is_finite(before));
+    /* A torque reference that was followed may lie beyond a limit. */
+    GIVEN((most > 0.0f) && is_finite(most) && (least <= 0.0f) && is_finite(least)
+          && is_finite(before));
     GIVEN((c.kp_Nms_rad >= 0.0f) && (c.kp_Nms_rad <= 1000.0f));
     GIVEN((c.ki_ts_Nms_rad >= 0.0f) && (c.ki_ts_Nms_rad <= 1000.0f));
-    torque = ht_speed_step(&c, &st, error);
-    MUST(HT_IS_WITHIN(torque, c.torque_limit_Nm));
+    torque = ht_speed_step(&c, &st, error, least, most);
+    MUST((torque >= least) && (torque <= most));
     MUST(IMPLIES(!is_finite(error), (torque == 0.0f) && (st.integral_Nm == before)));
-    MUST((st.integral_Nm == before) || HT_IS_WITHIN(st.integral_Nm, c.torque_limit_Nm));
+    MUST((st.integral_Nm == before) || ((st.integral_Nm >= least) && (st.integral_Nm <= most)));
 }
 
 void prove_flux_reference(void)

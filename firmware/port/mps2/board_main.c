@@ -73,15 +73,13 @@ static bool write_block(void *at, uint16_t area, uint16_t block, const uint16_t 
 }
 
 /* The host has looked into the same file before it chose the parameters of INIT: a saved set that is
- * not in force was refused. The references are never kept. */
+ * not in force was refused. Commands are never kept. */
 static bool in_force(const ht_params *saved, const ht_params *p)
 {
     uint16_t id;
     bool same = true;
     for (id = 0u; id < (uint16_t)HT_PARAMS; id++) {
-        bool reference = (id == (uint16_t)HT_P_speed_ref_rpm)
-                         || (id == (uint16_t)HT_P_torque_ref_Nm);
-        same = same && (reference || (saved->v[id] == p->v[id]));
+        same = same && (ht_store_is_command(id) || (saved->v[id] == p->v[id]));
     }
     return same;
 }

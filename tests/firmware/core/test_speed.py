@@ -13,8 +13,9 @@ from hexatorque.firmware import ffi, lib
 KP, KI_TS, LIMIT = 0.4, 0.02, 15.0
 
 
-def config(limit=LIMIT):
-    return ffi.new("ht_speed_config *", [KP, KI_TS, limit])
+def step(state, error, most=LIMIT, least=None):
+    cfg = ffi.new("ht_speed_config *", [KP, KI_TS])
+    return lib.ht_speed_step(cfg, state, error, -most if least is None else least, most)
 
 
 def textbook(integral, error, limit):
@@ -35,7 +36,7 @@ def test_controller_agrees_with_the_textbook(errors):
     for error in errors:
         before = state.integral_Nm
         torque, after = textbook(before, error, LIMIT)
-        assert lib.ht_speed_step(config(), state, error) == pytest.approx(torque, abs=2e-5)
+        assert step(state, error) == pytest.approx(torque, abs=2e-5)
         if abs(abs(KP * error + before) - LIMIT) > 1e-4:  # otherwise rounding would decide
             assert state.integral_Nm == pytest.approx(after, abs=2e-5)
         assert abs(state.integral_Nm) <= LIMIT
@@ -44,9 +45,9 @@ def test_controller_agrees_with_the_textbook(errors):
 def test_the_integral_does_not_wind_up():
     state = ffi.new("ht_speed_state *")
     for _ in range(10000):
-        assert lib.ht_speed_step(config(), state, 100.0) == LIMIT
+        assert step(state, 100.0) == LIMIT
     assert state.integral_Nm == 0
-    assert lib.ht_speed_step(config(), state, -1.0) == pytest.approx(-KP, rel=1e-6)
+    assert step(state, -1.0) == pytest.approx(-KP, rel=1e-6)
 
 
 @pytest.mark.parametrize("error", (-1e-3, -0.01, -1.0))
@@ -55,20 +56,20 @@ def test_a_small_error_takes_the_integral_back_from_the_limit(error):
     was lowered."""
     state = ffi.new("ht_speed_state *")
     state.integral_Nm = LIMIT + 1.0
-    assert lib.ht_speed_step(config(), state, -error) == LIMIT
+    assert step(state, -error) == LIMIT
     assert state.integral_Nm == LIMIT + 1.0
-    assert lib.ht_speed_step(config(), state, error) == LIMIT
+    assert step(state, error) == LIMIT
     assert state.integral_Nm == LIMIT
 
 
 def test_integral_fills_up_to_the_limit_and_comes_back():
     state = ffi.new("ht_speed_state *")
     for _ in range(10000):
-        torque = lib.ht_speed_step(config(), state, 1.0)
+        torque = step(state, 1.0)
     assert torque == pytest.approx(LIMIT, rel=0.01)
     assert LIMIT - KP - 2 * KI_TS < state.integral_Nm <= LIMIT
     for _ in range(100):
-        torque = lib.ht_speed_step(config(), state, -1.0)
+        torque = step(state, -1.0)
     assert torque < LIMIT - KP - KI_TS * 97
 
 
@@ -76,23 +77,34 @@ def test_integral_fills_up_to_the_limit_and_comes_back():
 def test_integral_comes_back_after_the_limit_was_lowered(sign):
     state = ffi.new("ht_speed_state *", [sign * LIMIT])
     for _ in range(2000):
-        torque = lib.ht_speed_step(config(5.0), state, -sign)
+        torque = step(state, -sign, 5.0)
         assert abs(torque) <= 5.0
     assert sign * torque < 0
+
+
+@pytest.mark.parametrize(("error", "bound"), ((50.0, 7.0), (-50.0, -3.0)))
+def test_each_sign_has_its_limit(error, bound):
+    """The integral keeps to it, too: it comes back from there at the first error of the other sign."""
+    state = ffi.new("ht_speed_state *")
+    for _ in range(1000):
+        assert step(state, error / 50, 7.0, -3.0) * np.sign(bound) <= abs(bound)
+    assert step(state, error, 7.0, -3.0) == bound
+    assert abs(state.integral_Nm) <= abs(bound)
+    assert abs(step(state, -0.01 * error, 7.0, -3.0)) < abs(bound)
 
 
 @given(st.floats(width=32), st.floats(-LIMIT, LIMIT, width=32))
 @settings(max_examples=150, deadline=None)
 def test_any_error_gives_a_torque_within_the_limit(error, integral):
     state = ffi.new("ht_speed_state *", [integral])
-    assert abs(lib.ht_speed_step(config(), state, error)) <= LIMIT
+    assert abs(step(state, error)) <= LIMIT
     assert abs(state.integral_Nm) <= LIMIT
 
 
 @pytest.mark.parametrize("error", (np.nan, np.inf, -np.inf))
 def test_an_error_of_nan_gives_no_torque_and_is_not_stored(error):
     state = ffi.new("ht_speed_state *", [3.0])
-    assert lib.ht_speed_step(config(), state, error) == 0
+    assert step(state, error) == 0
     assert state.integral_Nm == 3.0
 
 

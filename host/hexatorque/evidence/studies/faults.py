@@ -688,8 +688,10 @@ def _some_set(controller: firmware.Controller, rng: np.random.Generator) -> None
             value = min(max(row.initial * float(rng.uniform(0.8, 1.2)), row.min), row.max)
         with contextlib.suppress(firmware.FirmwareError):
             controller.set(row.name, value)
-    never_kept = {"speed_ref_rpm": 0.0, "torque_ref_Nm": 0.0, "start_mode": "drive"}
-    controller.set_many(never_kept)
+    rows = enumerate(firmware.parameters().values())
+    controller.set_many(
+        {p.name: p.initial for n, p in rows if firmware.lib.ht_store_is_command(n)}
+    )
 
 
 def _damage(areas: bytearray, rng: np.random.Generator) -> None:
