@@ -102,7 +102,7 @@ def test_a_stop_comes_to_a_standstill_and_switches_off(scheme, motion, control_m
 def test_a_stop_that_cannot_be_held_ends_in_coasting():
     """The load drives the shaft on, more than the torque limit holds."""
     sim = running(ramp_down_rpm_s=8000.0, stop_s=1.0, torque_limit_Nm=1.0)
-    rows = after(sim, 1.5, motion="stop", load_Nm=-1.2)
+    rows = after(sim, 1.5, motion="stop", load_Nm=-2.0)
     on = np.asarray(rows["state"]) == firmware.STATES.index(firmware.RUN)
     assert float(rows.time_s[on][-1] - rows.time_s[0]) == pytest.approx(1.0, abs=0.03)
     assert sim.state == firmware.IDLE and not sim.faults
