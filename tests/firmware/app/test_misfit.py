@@ -98,6 +98,10 @@ CASES = {
         {"vdc_high_V": 350.0, "link_F": 100e-6},
         "vdc_band_V = 10 V, link_F = 0.0001 F: allowed is 74.23 V and more: within three",
     ),
+    "STOP_TIME": (
+        {"ramp_down_rpm_s": 500.0, "ramp_jerk_rpm_s2": 250.0},
+        "stop_s = 10 s, ramp_down_rpm_s = 500 r/min/s: allowed is 14 s and more: a stop from",
+    ),
 }
 
 
