@@ -5,9 +5,9 @@
 gcc, clang   C99 without warnings: all sources as for the host, and what goes onto the
              DSP as TI's compiler sees it (its keywords replaced)
 msp430       the same for a machine with 16-bit int (clang knows one)
-widths       products and shifts of 16 bits, and sums and choices made of them, that are widened to
-             32 bits afterwards: there a cast comes too late, and where int has 32 bits nothing
-             shows it
+widths       products and shifts of 16 bits, and sums and choices made of them, that become a number
+             of more bits or a float afterwards: there a cast comes too late, and where int has
+             32 bits nothing shows it
 cppcheck     what goes onto the DSP, for a machine with 16-bit char (tools/c28x), with
              the rules of MISRA C:2012; deviations: firmware/MISRA.md. The register
              model, which stays on the host, without MISRA.
@@ -30,6 +30,13 @@ TARGET = (
     "port/c2000/pil",
 )  # fmt: skip
 HOST = ("port/host", "port/virtual")
+#: Goes onto the DSP too, but needs TI's headers, for which the tests have fakes.
+STORE_FOLDER = "port/c2000/store"
+#: For a PC, or for an emulated processor of the tests.
+ELSEWHERE = (
+    *HOST, "pil/host", "pil/registers", "port/avr", "port/avr/simulator", "port/fmu", "port/mps2",
+    "tools",
+)  # fmt: skip
 FOLDERS = (*TARGET, *HOST, "port")
 #: The programs: the drive, without and with XCP, and processor in the loop. Folders, files of
 #: them that it is without, and what is defined.
@@ -67,6 +74,11 @@ def sources(root: Path, *folders: str) -> list[Path]:
     return [f.relative_to(root) for f in found]
 
 
+def image_with_xcp(root: Path) -> list[Path]:
+    """What looks whether there is an XCP slave."""
+    return [f for f in sources(root, "port/c2000/image") if f.name == "ht_image.c"]
+
+
 def tool(name: str) -> str | None:
     """Beside this Python first: a virtual environment need not be active."""
     beside = Path(sys.executable).parent / name
@@ -92,8 +104,7 @@ def check_compiler(root: Path, name: str) -> list[str]:
     extra = ["-Wunsuffixed-float-constants"] if name == "gcc" else []
     host = [f for f in sources(root, *TARGET, *HOST) if f.name not in ONLY_DSP]
     said = compile_all(root, [str(tool(name)), *extra], host)
-    with_xcp = [f for f in sources(root, "port/c2000/image") if f.name == "ht_image.c"]
-    said += compile_all(root, [str(tool(name)), *extra, *DSP, XCP], with_xcp)
+    said += compile_all(root, [str(tool(name)), *extra, *DSP, XCP], image_with_xcp(root))
     return said + compile_all(root, [str(tool(name)), *extra, *DSP], sources(root, *TARGET))
 
 
@@ -111,12 +122,14 @@ STORE = ("-Itests/c/flash", '-DHT_FLASH_API_HEADER="F021_F2837xS_C28x.h"')
 MAKES_16 = re.compile(
     r"^ *(%[\w.]+) = (mul|shl|or|add|sub|xor|phi|select)(?: (?!i1 )\w+)* (?:i1 .*?, )?i16 (.*)"
 )
-WIDENS = re.compile(r"= [sz]ext(?: \w+)* i16 (%[\w.]+) to i32(?:.*!dbg !(\d+))?")
+WIDENS = re.compile(
+    r"= (?:[sz]ext|[su]itofp)(?: \w+)* i16 (%[\w.]+) to (?:i32|i64|float)(?:.*!dbg !(\d+))?"
+)
 
 
 def late_casts(ir: str) -> list[tuple[str, int]]:
-    """Function and line of each widening to 32 bits, in LLVM's assembly, of a 16-bit product or
-    shift, or of what is made of one by an addition, a choice and the like."""
+    """Function and line of each place, in LLVM's assembly, where more bits or a float are made of a
+    16-bit product or shift, or of what came of one by an addition, a choice and the like."""
     lines = dict(re.findall(r"^!(\d+) = !DILocation\(line: (\d+)", ir, re.M))
     found = []
     for name, body in re.findall(r"^define [^@]*@(\w+)\(.*?\{\n(.*?)^\}", ir, re.M | re.S):
@@ -135,17 +148,19 @@ def check_widths(root: Path) -> list[str]:
     command = [
         str(tool("clang")), "--target=msp430", "-ffreestanding", "-isystem", "tools/c28x/include",
         *DSP, "-std=c99", "-O0", "-w", "-gline-tables-only", "-S", "-emit-llvm",
-        *[f"-Ifirmware/{folder}" for folder in (*FOLDERS, "port/c2000/store")], *STORE, *BOARD,
+        *[f"-Ifirmware/{folder}" for folder in (*FOLDERS, STORE_FOLDER)], *STORE, *BOARD,
     ]  # fmt: skip
     said = []
-    for file in sources(root, *TARGET, "port/c2000/store"):
+    plain = [(file, ()) for file in sources(root, *TARGET, STORE_FOLDER)]
+    with_xcp = [(file, (XCP,)) for file in image_with_xcp(root)]
+    for file, defined in plain + with_xcp:
         done = subprocess.run(
-            [*command, str(file), "-o", "-"], cwd=root, capture_output=True, text=True
+            [*command, *defined, str(file), "-o", "-"], cwd=root, capture_output=True, text=True
         )
         if done.returncode:
             said += done.stderr.splitlines()
         said += [
-            f"{file}:{line}: {name}: 16 bits are multiplied or shifted, then widened to 32"
+            f"{file}:{line}: {name}: 16 bits are multiplied or shifted, then widened"
             for name, line in late_casts(done.stdout)
         ]
     return said

@@ -128,8 +128,17 @@ add() {
             --resolution lowest-direct "$@"
         return
     fi
-    "$venv/bin/python" -m uv pip install --quiet --python "$venv/bin/python" "$@" 2>/dev/null ||
-        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile "$@" ||
+    "$venv/bin/python" -m uv pip install --quiet --python "$venv/bin/python" "$@" 2>/dev/null &&
+        return
+    by_pip=0
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile "$@" \
+        2>"$before/by_pip" || by_pip=1
+    cat "$before/by_pip" >&2
+    built=$(sed -n 's/.*Failed building wheel for //p' "$before/by_pip" | head -n 1)
+    [ "$by_pip" -eq 0 ] || [ -z "$built" ] ||
+        fail "$built could not be built with the C compiler $cc: the first error" \
+            "above says why. Another compiler is used with CC=clang make demo"
+    [ "$by_pip" -eq 0 ] ||
         fail "what is named above could not be installed from the package index. Is there a network?" \
             "llvmlite and numba may not exist for $("$python" --version) yet: another Python is used" \
             "with PYTHON=python3.13 make demo"

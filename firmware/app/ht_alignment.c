@@ -27,7 +27,7 @@ static uint32_t apart(uint32_t a, uint32_t b, uint32_t counts_rev)
 /* Angle of a direction. */
 static uint32_t angle_of(const ht_alignment_config *cfg, uint16_t direction)
 {
-    return share(cfg->counts_rev, (1.0f / 24.0f) * (float)(uint16_t)(cfg->first + 2u * direction));
+    return share(cfg->counts_rev, (1.0f / 24.0f) * ((float)cfg->first + 2.0f * (float)direction));
 }
 
 /* The direction next to an angle. */

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import check_c
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -53,10 +54,11 @@ def check(tree, name):
 
 def plant(tree, file, text):
     path = tree / "firmware" / file
-    path.write_text(path.read_text() + "\n" + text + "\n")
+    path.write_text((path.read_text() if path.exists() else "") + "\n" + text + "\n")
 
 
 CORE, PORT = "core/ht_xy_regulator.c", "port/c2000/image/ht_wait.c"
+IMAGE = "port/c2000/image/ht_image.c"
 MAP, MODEL = "port/c2000/ht_c2000_map.c", "port/host/ht_registers_common.c"
 SHIFT = "uint32_t ht_planted(void);\nuint32_t ht_planted(void)\n{\n    return 1 << 16;\n}"
 CAST = (
@@ -95,12 +97,18 @@ RELATIVES = "".join(
     f"    return (uint32_t)({what});\n}}\n"
     for n, what in enumerate(WIDENED.values())
 )
+#: A float made of a product, which has lost bits by then.
+TO_FLOAT = (
+    "float ht_planted(uint16_t a, uint16_t b);\n"
+    "float ht_planted(uint16_t a, uint16_t b)\n{\n    return (float)(uint16_t)(a * b);\n}"
+)
 #: Widened in time, or without a product or shift of 16 bits.
 IN_TIME = (
     "uint32_t ht_planted(uint16_t a, uint16_t b, uint16_t s);\n"
     "uint32_t ht_planted(uint16_t a, uint16_t b, uint16_t s)\n{\n"
     "    uint32_t both = ((uint32_t)a << s) | b;\n"
-    "    return both + ((uint32_t)a * b) + (uint32_t)(a + b) + ((s != 0u) ? a : b);\n}"
+    "    return both + ((uint32_t)a * b) + (uint32_t)(a + b) + ((s != 0u) ? a : b)\n"
+    "        + (uint32_t)((float)a * (float)b);\n}"
 )
 INDEX = (
     "uint16_t ht_planted(void);\nuint16_t ht_planted(void)\n{\n"
@@ -137,6 +145,11 @@ def test_clean_part_passes(tree, name):
                      marks=needs("clang"), id="shift widened too late"),
         pytest.param("widths", CORE, PRODUCT, "ht_planted: 16 bits are multiplied or shifted",
                      marks=needs("clang"), id="product widened too late"),
+        pytest.param("widths", CORE, TO_FLOAT, "ht_planted: 16 bits are multiplied or shifted",
+                     marks=needs("clang"), id="float of a product"),
+        pytest.param("widths", IMAGE, f"#ifdef HT_XCP\n#include \"ht_types.h\"\n{LATE}\n#endif",
+                     "ht_planted: 16 bits are multiplied or shifted",
+                     marks=needs("clang"), id="only with XCP"),
     ],
 )  # fmt: skip
 def test_breach_is_found(tree, name, file, text, said):
@@ -145,6 +158,13 @@ def test_breach_is_found(tree, name, file, text, said):
     assert done.returncode == 1
     assert "FAILED" in done.stdout
     assert said in done.stdout
+
+
+def test_no_folder_with_sources_is_forgotten():
+    """Each folder of the firmware is checked for the DSP, or is said not to go onto it."""
+    firmware = ROOT / "firmware"
+    folders = sorted({str(f.parent.relative_to(firmware)) for f in firmware.rglob("*.c")})
+    assert folders == sorted((*check_c.TARGET, check_c.STORE_FOLDER, *check_c.ELSEWHERE))
 
 
 @needs("clang")

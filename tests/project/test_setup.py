@@ -157,3 +157,37 @@ def test_a_long_step_says_for_how_long_already(tmp_path):
     assert process.returncode == 0 and not running(process.pid)
     text = "hexatorque set-up: installing into venv"
     assert lines == [f"{text}\n", *(f"{text} ... {n} s\n" for n in (3, 6, 9))]
+
+
+#: What pip 23 to 25 say last on the way to either failure, and what set-up makes of it.
+COMPILER = "  cc: internal compiler error: Segmentation fault\n  ERROR: Failed building wheel for hexatorque"
+NETWORK = (
+    "ERROR: Could not find a version that satisfies the requirement scikit-build-core\n"
+    "ERROR: No matching distribution found for scikit-build-core"
+)
+
+
+@pytest.mark.parametrize(
+    ("said", "blamed", "spared"),
+    [
+        (COMPILER, "hexatorque could not be built", "network"),
+        (NETWORK, "Is there a network?", "compiler"),
+    ],
+    ids=["compiler", "network"],
+)
+def test_a_failing_compiler_is_not_taken_for_a_failing_network(tmp_path, said, blamed, spared):
+    tree = Tree(tmp_path)
+    message = tmp_path / "message"
+    message.write_text(f"{said}\n")
+    case = 'case "$*" in\n'
+    fails = f'*"uv pip install"*) exit 1 ;;\n*"pip install"*) cat "{message}" >&2; exit 1 ;;\n'
+    tree.python.write_text(PYTHON.replace(case, f"{case}{fails}", 1))
+    done = subprocess.run(
+        ["tools/setup.sh", "venv"], cwd=tree.folder, text=True, capture_output=True,
+        env=os.environ
+        | {"PYTHON": str(tree.python), "CALLS": str(tree.calls), "STOP_AT": str(NEVER)},
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert said in done.stderr  # the user sees the reason too
+    verdict = done.stderr.splitlines()[-1]
+    assert blamed in verdict and spared not in verdict

@@ -92,11 +92,11 @@ CASES = {
     ),
     "VDC_LEVELS": (
         {"vdc_low_V": 300.0, "vdc_high_V": 320.0},
-        "vdc_band_V = 10 V, vdc_high_V = 320 V: less two bands the level must be above vdc_low_V",
+        "vdc_band_V = 10 V, vdc_high_V = 320 V: between vdc_low_V and vdc_high_V there must be more",
     ),
     "VDC_BAND": (
         {"vdc_high_V": 350.0, "link_F": 100e-6},
-        "vdc_band_V = 10 V, link_F = 0.0001 F: allowed is 74.23 V and more: within three",
+        "vdc_band_V = 10 V, link_F = 0.0001 F: allowed is 74.23 V and more: the torque answers the",
     ),
     "STOP_TIME": (
         {"ramp_down_rpm_s": 500.0, "ramp_jerk_rpm_s2": 250.0},

@@ -166,6 +166,20 @@ def test_low_rate_leaves_high_bands_out(make_recording):
     assert thd["2kHz"] is None and thd["5kHz"] is None and thd["h50"] is None
 
 
+@pytest.mark.parametrize("f1_Hz", [23.7, -40.0, 61.3])
+def test_every_recording_of_two_whole_cycles_has_its_figures(make_recording, f1_Hz):
+    """From the first sample at which it holds two cycles, to beyond the third, in steps of 0.03
+    cycles. The lines are exact where the recording is cut to whole cycles once; a part of a sample
+    that is cut off or left over costs some 1e-3."""
+    for cycles in np.arange(2.0, 3.2, 0.03):
+        samples = np.ceil(cycles * 50_000 / abs(f1_Hz) - 1e-6)
+        rec = make_recording(f1_Hz=f1_Hz, duration_s=samples / 50_000, lines={5: 0.12, 7: 0.05})
+        m = metrics(rec)
+        assert m["i1_A"] == pytest.approx(2.0, rel=2e-3), cycles
+        assert m["h5_pct"] == pytest.approx(12, abs=0.1), cycles
+        assert None not in m["thd_pct"].values() and m["thd_inf_pct"] is not None, cycles
+
+
 def test_too_short_is_refused(make_recording):
     with pytest.raises(ValueError, match="at least 2 are needed"):
         metrics(make_recording(duration_s=0.045))

@@ -21,11 +21,13 @@ STUDIES = {
     "faults": "faults",
     "lost-phase": "lost_phase",
     "arcs": "arcs",
+    "wrong-lxy": "wrong_lxy",
+    "shortest-pulse": "shortest_pulse",
     "line": "line",
 }
 
 #: Studies of hundreds of runs. Each run is kept in the folder as soon as it is there (`runs`), so
 #: an interrupted study goes on where it was.
-KEEPING = ("machines", "faults", "lost-phase", "arcs")
+KEEPING = ("machines", "faults", "lost-phase", "arcs", "wrong-lxy")
 #: The folder, in that of the results.
 RUNS = "runs"

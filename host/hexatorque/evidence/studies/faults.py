@@ -648,15 +648,19 @@ def _restart(sim: SimulatedDrive) -> str:
 
 #: Where the currents of a lost interrupt are measured: 10 N m on the machine of paper A.
 LOST_AT_RPM, LOST_AT_LOAD = 900.0, 2 / 3
+#: Where the fast interrupt puts eCAP1's counter, clocks: HT_DEAD_MAN_PULSE.
+DEAD_MAN_PULSE = 100
 
 
-def lost_interrupt_A(setup: str, slow_Hz: float, instants: int = 6) -> float:
+def _without_interrupts_A(
+    setup: setups.Setup, instants: int, after: Callable[[SimulatedDrive], None]
+) -> float:
     """The largest phase current after the fast interrupt has been lost at LOST_AT_RPM, with
-    LOST_AT_LOAD of the torque limit, A: the worst of so many instants of an electrical period."""
-    base = setups.load(setup).changed(controller__f_slow_Hz=slow_Hz, load__kind="constant")
+    LOST_AT_LOAD of the torque limit, A: the worst of so many instants of an electrical period.
+    `after` lets the time pass."""
     peak_A = 0.0
     for n in range(instants):
-        sim = SimulatedDrive(base, 20)
+        sim = SimulatedDrive(setup.changed(load__kind="constant"), 20)
         sim.start()
         sim.run(0.35, record=False)
         sim.set("speed_ref_rpm", LOST_AT_RPM)
@@ -666,10 +670,43 @@ def lost_interrupt_A(setup: str, slow_Hz: float, instants: int = 6) -> float:
         sim.run(0.5 + n / instants * electrical_s, record=False)
         sim.check()
         sim.lose_interrupts(True)
-        sim.run(0.05)
+        after(sim)
         rec = sim.take()
         peak_A = max(peak_A, *(float(np.abs(rec[f"plant.i_{p}_A"]).max()) for p in PHASES))
     return peak_A
+
+
+def lost_interrupt_A(setup: str, slow_Hz: float, instants: int = 6) -> float:
+    """Until the dead-man timer takes the gates off."""
+    base = setups.load(setup).changed(controller__f_slow_Hz=slow_Hz)
+    return _without_interrupts_A(base, instants, lambda sim: sim.run(0.05))
+
+
+def watchdog_s(sim: SimulatedDrive, slow_Hz: float) -> float:
+    """From the last key to the reset, as `ht_watchdog_start` sets it: the shortest time beyond 2.5
+    slow periods."""
+    time_s = 256.0 / sim.controller.map.watchdog_Hz
+    while time_s * slow_Hz < 2.5:
+        time_s *= 2.0
+    return time_s
+
+
+def hung_A(setup: str, instants: int = 6) -> float:
+    """Until the watchdog makes a reset at the set-up's `f_slow_Hz`: the processor hangs, and the
+    dead-man timer does not act either. The slow interrupt is put so far apart that it does not
+    come."""
+    base = setups.load(setup)
+    slow_Hz = base.parameter("f_slow_Hz")
+
+    def hang(sim: SimulatedDrive) -> None:
+        ecap, words = sim.controller.map.ecap, sim.controller.register_words()
+        for _ in range(round(watchdog_s(sim, slow_Hz) / sim.period_s)):
+            sim.run(sim.period_s)
+            sim.controller.registers.timer1 = 0
+            if ecap:
+                words[ecap : ecap + 2] = DEAD_MAN_PULSE, 0
+
+    return _without_interrupts_A(base.changed(controller__f_slow_Hz=10.0), instants, hang)
 
 
 #: A fault that the start must find. Its runs are not simulations.

@@ -1,6 +1,8 @@
 """The fault campaign, a part of its runs without HT_WHOLE. Its own checks are tested too."""
 
 import itertools
+import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -85,6 +87,40 @@ def test_current_of_a_lost_interrupt(setup, slow_Hz):
     level, where it would stay if a slow interrupt had to come first."""
     trip_A = setups.load(setup).parameter("i_trip_A")
     assert faults.lost_interrupt_A(setup, slow_Hz, 3) < 1.2 * trip_A
+
+
+@pytest.fixture(scope="module")
+def safety_page():
+    page = Path(__file__).resolve().parents[4] / "docs" / "safety.md"
+    return " ".join(
+        page.read_text().split("## Current of a lost interrupt")[1].split("##")[0].split()
+    )
+
+
+@pytest.mark.parametrize("setup", faults.SETUPS)
+def test_the_page_states_the_currents_of_a_lost_interrupt(setup, safety_page):
+    """The comparators and drivers of a user's trip chain are chosen by this table."""
+    heads = re.search(r"\| `f_slow_Hz` \|([\d |]+)\| `i_trip_A`", safety_page)[1].split("|")
+    row = re.search(rf"\| `{setup}`, (\w+) \|([^`]*) A \|", safety_page)
+    *stated_A, trip_A = (float(cell.strip(" A")) for cell in row[2].split("|"))
+    loaded = setups.load(setup)
+    assert row[1].lower() == loaded["timing.device"] and trip_A == loaded.parameter("i_trip_A")
+    measured_A = [faults.lost_interrupt_A(setup, float(head)) for head in heads]
+    assert len(measured_A) == 5 and stated_A == pytest.approx(measured_A, abs=0.06)
+
+
+@pytest.mark.parametrize("setup", faults.SETUPS)
+def test_the_page_states_the_currents_of_a_hung_processor(setup, safety_page):
+    """At the reset of the watchdog the gates are still on, so nothing else has acted."""
+    number = faults.SETUPS.index(setup)
+    ms = re.search(r"([\d.]+) ms \(F28335\) or ([\d.]+) ms \(F28377S\)", safety_page)
+    sim = SimulatedDrive(setups.load(setup), 1)
+    slow_Hz = sim.controller.number("f_slow_Hz")
+    assert float(ms[number + 1]) == pytest.approx(1e3 * faults.watchdog_s(sim, slow_Hz), abs=0.06)
+    stated_A = re.search(r"up to (\d+) A and (\d+) A, twice", safety_page)[number + 1]
+    peak_A = faults.hung_A(setup)
+    assert float(stated_A) == pytest.approx(peak_A, abs=0.6)
+    assert peak_A / sim.controller.number("i_trip_A") == pytest.approx(2.0, abs=0.4)
 
 
 def test_tables_and_picture(result, tmp_path):

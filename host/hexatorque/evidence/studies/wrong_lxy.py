@@ -1,0 +1,172 @@
+"""Phases that are lost while the firmware believes a wrong L_xy: is the right leg named?
+
+The evidence of a lost leg is the voltage that the measured x-y current does not explain, and L_xy
+explains it. The machine's L_xy is drawn around the set-up's, and the firmware is told so many times
+that. Everything else is as in the campaign of lost phases; an open phase has an arc, whose voltage
+is drawn as in the study of arcs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ... import firmware, setups
+from ...drive.interface import Progress
+from ...drive.simulated import SimulatedDrive
+from ...plant.vsd import PHASES
+from . import arcs, lost_phase
+from .grids import Grid, for_terminal
+from .runs import each
+
+TITLE = "Phases lost while L_xy is believed wrong"
+#: What the firmware believes, over the machine's own.
+BELIEFS = (1 - lost_phase.WRONG_SHARE, 1.0, 1 + lost_phase.WRONG_SHARE)
+#: The machine's L_xy over the set-up's.
+TRUTHS = (0.7, 1.3)
+FIRST_SEED = 50_000
+QUICK_STEP = 47
+
+
+@dataclass(frozen=True)
+class Case:
+    seed: int
+    belief: float
+    scheme: str
+    phase: str
+    kind: str
+
+
+@dataclass
+class Result:
+    """outcome: as in the study of arcs. error: what was wrong, empty if nothing was."""
+
+    case: Case
+    lxy_H: float
+    arc_V: float
+    speed_rpm: float
+    load_Nm: float
+    outcome: str = "other"
+    error: str = ""
+    figures: dict[str, float] = field(default_factory=dict)
+
+
+def _setup(case: Case, rng: np.random.Generator) -> setups.Setup:
+    lost = lost_phase.Case(case.seed, case.scheme, case.phase, case.kind)
+    setup = lost_phase._setup(lost, rng)
+    lxy_H = setup["machine.lxy_H"] * float(rng.uniform(*TRUTHS))
+    return setup.changed(
+        machine__lxy_H=lxy_H,
+        controller__lxy_H=case.belief * lxy_H,
+        inverter__arc_V=arcs._log(rng, arcs.LEAST_V, arcs.MOST_VDC * setup["inverter.vdc_V"]),
+    )
+
+
+def run(case: Case, progress: Progress | None = None) -> Result:
+    """One run, with an error too if the gates were commanded what no power stage may see."""
+    rng = np.random.default_rng(case.seed)
+    setup = _setup(case, rng)
+    speed_rpm = lost_phase._speed(rng)
+    load_Nm = float(rng.uniform(lost_phase.LEAST_NM, lost_phase.MOST_NM))
+    result = Result(case, setup["machine.lxy_H"], setup["inverter.arc_V"], speed_rpm, load_Nm)
+    sim = lost_phase._started(setup, progress)
+    lost_phase._to(sim, speed_rpm, load_Nm, progress)
+    if sim.state != firmware.RUN:
+        result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
+        return result
+    _lose(result, sim, rng, progress)
+    if sim.gate_mistake:
+        result.outcome, result.error = "gates", sim.gate_mistake
+    return result
+
+
+def _lose(
+    result: Result, sim: SimulatedDrive, rng: np.random.Generator, progress: Progress | None
+) -> None:
+    period_s = lost_phase._period_s(sim)
+    after_s = float(rng.uniform(0, min(period_s, 0.1)))
+    sim.break_leg(result.case.phase, result.case.kind, after_s)
+    longest_s = after_s + arcs.WATCH * period_s + arcs.WATCH_S
+    taken_s = lost_phase._watch(sim, longest_s, progress) - after_s
+    result.outcome = arcs._outcome(sim, result.case.phase)
+    result.figures = {"found_ms": 1e3 * taken_s, "periods": taken_s / period_s}
+    if result.outcome != "right":
+        result.error = f"{result.outcome}: {arcs._told(sim)}"
+
+
+def cases(quick: bool) -> list[Case]:
+    """Every belief with every leg, kind and scheme, each with a seed of its own."""
+    every = [
+        (belief, scheme, phase, kind)
+        for belief in BELIEFS
+        for kind in lost_phase.BROKEN
+        for phase in PHASES
+        for scheme in firmware.schemes()
+    ]
+    made = [Case(FIRST_SEED + n, *one) for n, one in enumerate(every)]
+    return made[:: QUICK_STEP if quick else 1]
+
+
+def row(case: Case, progress: Progress | None = None) -> dict:
+    return asdict(run(case, progress))
+
+
+def study(
+    quick: bool = False, progress: Progress | None = None, folder: Path | None = None
+) -> dict:
+    return {"quick": quick, "rows": each(row, cases(quick), folder, progress)}
+
+
+def failures(result: dict) -> list[str]:
+    """As in the study of arcs: a sound phase that is named, a mistake of the gates, and every
+    other error if there are too many."""
+    rows = result["rows"]
+    right = sum(row["outcome"] == "right" for row in rows)
+    enough = 100 * right >= arcs.NAMED_PCT * len(rows)
+    return [
+        f"L_xy believed {row['case']['belief']:.1f} times, {row['case']['scheme']} "
+        f"{row['case']['phase']} {row['case']['kind']}, arc {row['arc_V']:.0f} V, "
+        f"{row['speed_rpm']:.0f} r/min, {row['load_Nm']:.1f} N m: {row['error']}"
+        for row in rows
+        if row["error"] and (row["outcome"] in ("sound", "gates") or not enough)
+    ]
+
+
+def grid(result: dict) -> Grid:
+    lines = [
+        [f"{belief:.1f}", *arcs._named_cells(rows)]
+        for belief in BELIEFS
+        if (rows := [row for row in result["rows"] if row["case"]["belief"] == belief])
+    ]
+    heads = [
+        "L_xy, believed over true", "right phase named", "a sound one", "none",
+        "median time [ms]", "longest, electrical periods",
+    ]  # fmt: skip
+    return [("A leg breaks while L_xy is believed wrong", heads, lines)]
+
+
+def tables(result: dict) -> list:
+    return for_terminal(grid(result))
+
+
+def plot(result: dict, path: Path) -> Path:
+    """Draws the time until the phase is named over the speed."""
+    from ...analysis import plots
+
+    figure, axes = plots.new_figure(1, 1, 4.2)
+    axis = axes[0][0]
+    for belief, mark, colour in zip(BELIEFS, ("v", "o", "^"), ("#0072b2", "#e69f00", "#d55e00")):
+        own = [r for r in result["rows"] if r["case"]["belief"] == belief]
+        right = [r for r in own if r["outcome"] == "right"]
+        axis.plot([abs(r["speed_rpm"]) for r in right],
+                  [max(r["figures"]["found_ms"], 0.1) for r in right],
+                  mark, ms=3, color=colour, label=f"{belief:.1f} times")  # fmt: skip
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    axis.set_xlabel("speed [r/min]", **plots.LABEL)
+    axis.set_ylabel("from the loss to the fault [ms]", **plots.LABEL)
+    axis.legend(**plots.LEGEND)
+    figure.suptitle("How soon a lost leg is named, by the belief of L_xy", **plots.TITLE)
+    return plots.save(figure, path)
