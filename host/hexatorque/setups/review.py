@@ -20,7 +20,7 @@ from .derived import (
     WRITTEN_WITHIN,
     write_delay_us,
 )
-from .design import PULL_OUT_SHARE, REACH_PU, Design, rad_s
+from .design import PULL_OUT_SHARE, REACH_PU, Demand, Design, rad_s
 from .estimate import published_kW, usual
 from .keys import KEYS
 from .mean_torque import held
@@ -353,20 +353,28 @@ def _why(f: Finding) -> str:
     return f"{f.subject} is {f.value:.4g} {f.unit}".rstrip() + f", {beyond} {f.limit:.4g}"
 
 
+def _or_profile(d: Design, link_V: float) -> str:
+    return "" if link_V == d.vdc_V else f", or change profile.vdc_V = {link_V:g} V"
+
+
 def _fits(d: Design) -> Iterator[Finding]:
     """What goes beyond the firmware's own demands, which every set-up meets (`Setup`)."""
     p, setup = d.parameter, d.setup
     yield at_least(
-        "vdc_max_V above the link", p("vdc_max_V"), 1.05 * d.vdc_V, "V",
-        "give the sensor more range (sensors.vdc_full_V) or raise controller.vdc_max_V",
+        "vdc_max_V above the link", p("vdc_max_V"), 1.05 * max(d.links_V), "V",
+        "give the sensor more range (sensors.vdc_full_V) or raise controller.vdc_max_V"
+        + _or_profile(d, max(d.links_V)),
     )  # fmt: skip
+    # With a capacitor the link outlasts a source that is lost.
+    least_V = d.vdc_V if setup["inverter.link_F"] > 0 else min(d.links_V)
     yield at_most(
-        "vdc_min_V below the link", p("vdc_min_V"), 0.95 * d.vdc_V, "V",
-        "lower controller.vdc_min_V",
+        "vdc_min_V below the link", p("vdc_min_V"), 0.95 * least_V, "V",
+        "lower controller.vdc_min_V" + _or_profile(d, least_V),
     )  # fmt: skip
     if p("vdc_high_V") > 0:
         yield at_least(
-            "vdc_high_V - vdc_band_V above the link", p("vdc_high_V") - p("vdc_band_V"), d.vdc_V,
+            "vdc_high_V - vdc_band_V above the link", p("vdc_high_V") - p("vdc_band_V"),
+            max(d.links_V),
             "V", "raise controller.vdc_high_V: below the source's voltage the drive would push",
         )  # fmt: skip
     if p("vdc_low_V") > 0:
@@ -725,16 +733,21 @@ def _reach(d: Design, row: Any, by_table: bool) -> Iterator[Finding]:
         REACH, reach_rpm, d.rated_rpm, "r/min",
         f"the field is weakened from there on; to avoid it {more}", "note",
     )  # fmt: skip
-    usable_V = p("fw_margin") * reach_pu * d.vdc_V
 
-    def most_Nm(speed_rpm: float) -> float:
-        return min(p("torque_limit_Nm"), d.most_torque_Nm(speed_rpm, usable_V))
+    def most_Nm(asked: Demand) -> float:
+        usable_V = p("fw_margin") * reach_pu * asked.vdc_V
+        return min(p("torque_limit_Nm"), d.most_torque_Nm(asked.speed_rpm, usable_V))
 
-    speed_rpm, load_Nm = max(d.demands, key=lambda asked: asked[1] - most_Nm(asked[0]))
+    # A source that is lost is asked for nothing.
+    held = [asked for asked in d.demands if asked.vdc_V > p("vdc_min_V")] or d.demands
+    worst = max(held, key=lambda asked: asked.load_Nm - most_Nm(asked))
+    load_Nm = worst.load_Nm
     if by_table and d.magnets:
         load_Nm += p("torque_band_Nm")  # the mean may be so far below the limit
-    where = "rated speed" if speed_rpm == d.rated_rpm else f"{speed_rpm:.0f} r/min"
-    yield at_least(f"torque left at {where}", most_Nm(speed_rpm), load_Nm, "N m", more)
+    where = "rated speed" if worst.speed_rpm == d.rated_rpm else f"{worst.speed_rpm:.0f} r/min"
+    if worst.vdc_V != d.vdc_V:
+        where += f" and {worst.vdc_V:g} V"
+    yield at_least(f"torque left at {where}", most_Nm(worst), load_Nm, "N m", more)
 
 
 def _refused(setup: Setup, findings: list[Finding]) -> Iterator[Finding]:
