@@ -20,7 +20,7 @@ from .derived import (
     WRITTEN_WITHIN,
     write_delay_us,
 )
-from .design import PULL_OUT_SHARE, REACH_PU, Demand, Design, rad_s
+from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Demand, Design, rad_s
 from .estimate import published_kW, usual
 from .keys import KEYS
 from .mean_torque import held
@@ -232,11 +232,23 @@ def _believable(d: Design) -> Iterator[Finding]:
     for side, ohm in (("rs_ohm", m.rs_ohm), ("rr_ohm", m.rr_ohm)):
         yield at_most(
             f"{side} times rated current over the voltage", ohm * share_A, MOST_RESISTANCE, "",
-            f"no machine has so much: check machine.{side}, rated.current_A and inverter.vdc_V",
+            _too_resistive(d, side, ohm),
         )  # fmt: skip
     if all(m.lm_H >= LEAST_MAIN * leakage_H for leakage_H in (m.lls_H, m.llr_H)):
         yield from _usual(d)
     yield from _as_built(d)
+
+
+def _too_resistive(d: Design, side: str, ohm: float) -> str:
+    current_A, vdc_V = d.setup["rated.current_A"], d.setup["inverter.vdc_V"]
+    if math.sqrt(2) * vdc_V * ohm < 0.5 * MOST_RESISTANCE * REACH_PU * current_A:
+        return (
+            f"check machine.{side}; or are rated.current_A = {current_A:g} and inverter.vdc_V = "
+            f"{vdc_V:g} exchanged?"
+        )
+    needed_V = d.machine.pole_pairs * rad_s(d.rated_rpm) * d.flux_Wb / (USABLE * REACH_PU)
+    fits = f" ({needed_V:.3g} V turn the flux at rated speed)" if needed_V > vdc_V else ""
+    return f"no machine has so much: check machine.{side}, rated.current_A and inverter.vdc_V{fits}"
 
 
 def _as_built(d: Design) -> Iterator[Finding]:
@@ -474,8 +486,7 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
     p, m = d.parameter, d.machine
     yield at_most(
         "rs_ohm times rated current over the voltage", m.rs_ohm * d.rated_A / (REACH_PU * d.vdc_V),
-        MOST_RESISTANCE, "",
-        "no machine has so much: check machine.rs_ohm, rated.current_A and inverter.vdc_V",
+        MOST_RESISTANCE, "", _too_resistive(d, "rs_ohm", m.rs_ohm),
     )  # fmt: skip
     yield at_most(
         "flux of the rated current in L_d over the magnets'", m.ld_H * d.rated_A / m.psi_f_Wb,

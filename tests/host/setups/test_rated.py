@@ -92,7 +92,7 @@ def test_loads_and_speeds_of_a_profile_are_judged_as_they_come_together():
 
 
 def test_a_voltage_of_the_profile_counts_from_its_moment_on():
-    """The load comes at 600 V; it stays while the link sags, and is gone before the link is back."""
+    """The load comes at 600 V, stays while the link sags, and is gone before the link is back."""
     steps = "[profile]\nduration_s = 9\nspeed_rpm = [[0, 1000]]\nload_Nm = [[2, 3], [6, 0]]\n"
     d = design(setups.parse(SMALL + steps + "vdc_V = [[4, 450], [7, 620]]\n", "x"))
     assert set(d.demands) == {(1000, 3, d.vdc_V), (1000, 3, 450)}
