@@ -210,7 +210,6 @@ static void apply_protection(const float *v, ht_protect_config *c)
     }
     /* A mean over the slow period is half a period old, the flux's speed a time constant. */
     c->estimate_back = 0.5f - OMEGA_FILTER_S * v[HT_P_f_slow_Hz];
-    c->estimate_back = (c->estimate_back > 0.0f) ? c->estimate_back : 0.0f;
     c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
     c->magnets = v[HT_P_machine] != 0.0f;
     c->inv_psi_f = 1.0f / v[HT_P_psi_f_Wb];

@@ -31,8 +31,8 @@ typedef struct {
     float rotor_gain;       /**< low-pass gain of rotor flux and current per slow interrupt */
     float magnetise_A_Wb;   /**< current that the low pass of the rotor flux takes to rise, per
                              *   weber by which the rotor flux is ahead of it */
-    float estimate_back;    /**< lag of the measured speed behind the flux's, share of a slow
-                             *   period, 0..0.5 */
+    float estimate_back;    /**< lag of the measured speed behind the flux's, slow periods; below 0
+                             *   the flux's is the later one */
     float encoder_gain;     /**< low-pass gain of `encoder_trip_rpm` per slow interrupt */
     bool magnets;
     float inv_psi_f;    /**< 1 / flux linkage of the magnets */

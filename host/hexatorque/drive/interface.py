@@ -18,6 +18,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from itertools import groupby
 from typing import TYPE_CHECKING, Self, SupportsFloat
 
 from .. import given
@@ -25,7 +26,7 @@ from ..errors import HexatorqueError, InputError
 from ..firmware import FAULT, IDLE, Parameter, Snapshot, State
 from ..recording.recording import Recording
 from ..setups.values import SetupError
-from .trips import Trip, details
+from .trips import WAY_TO_SPEED, Trip, details, too_fast
 
 if TYPE_CHECKING:
     from ..setups import Profile
@@ -234,6 +235,7 @@ class DriveVerbs(ABC):
         if lines := profile.too_late():
             raise SetupError("\n".join(lines))
         self._can_follow({name for _, name, _ in events}, bool(profile.broken))
+        self._refuse_over_speed(events)
         begin_s = self.time_s
         if self.state == IDLE:
             self.start()
@@ -243,6 +245,22 @@ class DriveVerbs(ABC):
             self.run(max(0.0, time_s - (self.time_s - begin_s)), record, progress)
             self.set(name, value)
         self.run(max(0.0, profile.duration_s - (self.time_s - begin_s)), record, progress)
+
+    def _refuse_over_speed(self, events: Sequence[tuple[float, str, object]]) -> None:
+        """SetupError if the drive would trip before it has one of its speed references."""
+        way = {name: self.get(name) for name in WAY_TO_SPEED}
+        for time_s, together in groupby([(0.0, "", None), *events], key=lambda event: event[0]):
+            for _, name, value in together:
+                if name in way:
+                    row = self.params[name]
+                    way[name] = row.show(row.parse(value))
+            if too_fast(*way.values()):
+                asked_rpm, trip_rpm = way["speed_ref_rpm"], way["speed_trip_rpm"]
+                raise SetupError(
+                    f"profile: speed reference {asked_rpm:g} r/min at {time_s:g} s: allowed range "
+                    f"is -{trip_rpm:g} .. {trip_rpm:g} r/min, both excluded: there the drive "
+                    "trips (speed_trip_rpm)"
+                )
 
     def break_leg(self, phase: str, kind: str, after_s: float = 0.0) -> None:
         """Break the leg of a phase in `after_s` seconds. Only a simulated drive can."""

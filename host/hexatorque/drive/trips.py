@@ -16,6 +16,8 @@ from ..plant.vsd import PHASES, transform
 
 #: A parameter's value by name.
 Get = Callable[[str], float]
+#: The parameters that tell whether a drive trips on the way to its speed reference.
+WAY_TO_SPEED = ("start_mode", "control_mode", "speed_ref_rpm", "speed_trip_rpm")
 #: Phases of each winding set, which its own neutral joins.
 SETS = ((0, 2, 4), (1, 3, 5))
 
@@ -37,6 +39,11 @@ class Trip:
     def as_json(self) -> dict:
         """The same by name, for JSON."""
         return {**asdict(self), "faults": list(self.faults), "details": list(self.details)}
+
+
+def too_fast(start_mode: str, control_mode: str, asked_rpm: float, trip_rpm: float) -> bool:
+    """Whether a drive with these values of WAY_TO_SPEED trips before it has its speed reference."""
+    return (start_mode, control_mode) == ("drive", "speed") and abs(asked_rpm) >= trip_rpm
 
 
 def details(snapshot: Snapshot, get: Get) -> tuple[str, ...]:

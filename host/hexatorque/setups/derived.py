@@ -49,6 +49,7 @@ LIMIT_PER_RATED = 1.5
 #: And over the pull-out torque, if that leaves the rated torque: a leakage that is a quarter larger
 #: and a flux that is 8 % smaller than believed leave 0.65 of it.
 LIMIT_PER_PULL_OUT = 0.65
+LEAST_NM, MOST_NM = range_of("torque_limit_Nm")
 #: By this share of rated speed the shaft may run away when the rated load drops.
 RUNAWAY = 0.3
 #: The stator resistance in use may be so far off, where the speed does not let it adapt.
@@ -211,7 +212,7 @@ def _torque_limit_Nm(k: Known) -> float:
     rated_Nm = k.rated_Nm if k.setup["rated.torque_Nm"] > 0 else max(k.rated_Nm, k.asked_Nm)
     careful_Nm = max(rated_Nm, LIMIT_PER_PULL_OUT * k.pull_out_Nm)
     limits = (LIMIT_PER_RATED * rated_Nm, careful_Nm, PULL_OUT_SHARE * k.pull_out_Nm, by_current)
-    return max(0.001, min(limits))
+    return min(max(LEAST_NM, min(limits)), MOST_NM)
 
 
 def _loss_check(k: Known) -> float:
@@ -413,7 +414,7 @@ def _flux_of_limit_Wb(k: Known) -> float:
 def _magnet_torque_limit_Nm(k: Known) -> float:
     by_current = k.machine.torque_of_current_Nm(0.8 * k["i_trip_A"], 0.0)
     rated_Nm = k.rated_Nm if k.setup["rated.torque_Nm"] > 0 else max(k.rated_Nm, k.asked_Nm)
-    return max(0.001, min(LIMIT_PER_RATED * rated_Nm, by_current))
+    return min(max(LEAST_NM, min(LIMIT_PER_RATED * rated_Nm, by_current)), MOST_NM)
 
 
 def _pull_Hz(k: Known) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..chips import number_of
 from ..plant.machines import DISPLACEMENTS_DEG, parameters_of
@@ -41,6 +41,14 @@ def rpm(rad_s: float) -> float:
 
 def _three_digits(value: float) -> float:
     return float(f"{value:.3g}")
+
+
+class Demand(NamedTuple):
+    """Speed, load and voltage of the source at the same moment."""
+
+    speed_rpm: float
+    load_Nm: float
+    vdc_V: float
 
 
 class Design:
@@ -128,18 +136,20 @@ class Design:
         return max(abs(value) for value in (self.setup["point.load_Nm"], *(v for _, v in steps)))
 
     @cached_property
-    def demands(self) -> list[tuple[float, float]]:
-        """Speeds and torques that are asked for together: those of the point and of each moment of
-        the profile; rated speed and torque if the speed is stated, or if nothing is asked."""
-        speeds, loads = self.setup.profile.speed_rpm, self.setup.profile.load_Nm
+    def demands(self) -> list[Demand]:
+        """What is asked for together: the point and each moment of the profile; rated speed and
+        torque if the speed is stated, or if nothing is asked."""
+        profile = self.setup.profile
+        courses = ((profile.speed_rpm, 0.0), (profile.load_Nm, 0.0), (profile.vdc_V, self.vdc_V))
         together = [
-            tuple(abs(([0.0] + [v for t, v in of if t <= time_s])[-1]) for of in (speeds, loads))
-            for time_s, _ in (*speeds, *loads)
+            Demand(*(abs(([first] + [v for t, v in of if t <= now])[-1]) for of, first in courses))
+            for now, _ in (step for of, _ in courses for step in of)
         ]
-        together.append((abs(self.setup["point.speed_rpm"]), abs(self.setup["point.load_Nm"])))
-        asked = [(rpm, load_Nm) for rpm, load_Nm in together if load_Nm > 0]
+        point = (abs(self.setup[f"point.{key}"]) for key in ("speed_rpm", "load_Nm"))
+        together.append(Demand(*point, self.vdc_V))
+        asked = [one for one in together if one.load_Nm > 0]
         if self.setup["rated.speed_rpm"] > 0 or not asked:
-            asked.append((self.rated_rpm, self.rated_Nm))
+            asked.append(Demand(self.rated_rpm, self.rated_Nm, self.vdc_V))
         return asked
 
     @cached_property
@@ -223,6 +233,11 @@ class Design:
     @property
     def vdc_V(self) -> float:
         return self.setup["inverter.vdc_V"]
+
+    @cached_property
+    def links_V(self) -> list[float]:
+        """The voltages of the source, those of the profile too."""
+        return [self.vdc_V, *(volts for _, volts in self.setup.profile.vdc_V)]
 
     @property
     def period_s(self) -> float:

@@ -18,9 +18,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 
+from .mistyped import meant
 from .nameplate import (
     FRICTION,
     IRON,
+    MOST_PRODUCT,
     Circuit,
     Nameplate,
     circuit_with,
@@ -40,6 +42,8 @@ MOST_TOLD = 0.97
 #: neither below nor above by more than these. Of the published machines none is half as far away.
 PRODUCT_FACTOR = 1.75
 SLIP_BELOW, SLIP_ABOVE = 8.0, 6.0
+#: So near to what is typical are numbers that may have been meant.
+PRODUCT_NEAR, SLIP_NEAR = 1.35, 4.0
 #: Ohms below which no voltage over its current is: the plate's two are then exchanged.
 LEAST_OHM = 0.1
 #: Share of the machines that the inertia's range is to hold: some sources include a load.
@@ -187,20 +191,9 @@ def estimate(plate: Nameplate, of: Typical | None = None) -> Circuit:
 
 
 def _believable(plate: Nameplate, of: Typical) -> None:
-    """One line that names the number that looks wrong."""
-    slip, product = slip_of(plate), plate.product
-    if plate.voltage_V < LEAST_OHM * plate.current_A:
-        raise SetupError(
-            f"voltage_V = {plate.voltage_V:g} and current_A = {plate.current_A:g} are less than "
-            f"{LEAST_OHM:g} ohm: are they exchanged?"
-        )
-    usual = of.product.at(plate.power_kW)
-    if product < usual / PRODUCT_FACTOR:
-        raise SetupError(
-            f"current_A = {plate.current_A:g}: {plate.sizes} are an efficiency times power factor "
-            f"of {product:.3g}, usual for this power is {min(usual, 0.95):.2g}: current_A = "
-            f"{plate.current_A * product / usual:.3g} would fit"
-        )
+    """One line that names the number that looks wrong, and what would fit."""
+    _believable_product(plate, of)
+    product = plate.product
     factor = plate.power_factor or (plate.efficiency and product / plate.efficiency)
     if factor > MOST_TOLD:
         name = "power_factor" if plate.power_factor else "efficiency"
@@ -209,6 +202,17 @@ def _believable(plate: Nameplate, of: Typical) -> None:
             f"leaves too little to magnetise a machine: allowed is up to {MOST_TOLD:g}"
         )
     usual = of.rr.at(plate.power_kW)
+
+    def fits(other: Nameplate) -> bool:
+        synchronous_rpm = 60 * other.frequency_Hz / other.pole_pairs
+        slip = 1 - other.speed_rpm / synchronous_rpm
+        return usual / SLIP_NEAR <= slip <= usual * SLIP_NEAR
+
+    try:
+        slip = slip_of(plate)
+    except SetupError as error:
+        hint = meant(plate, ("speed_rpm", "frequency_Hz", "poles"), fits)
+        raise SetupError("; ".join(filter(None, (str(error), hint)))) from None
     if not usual / SLIP_BELOW <= slip <= usual * SLIP_ABOVE:
         synchronous_rpm = 60 * plate.frequency_Hz / plate.pole_pairs
         raise SetupError(
@@ -216,6 +220,38 @@ def _believable(plate: Nameplate, of: Typical) -> None:
             f"{2 * plate.pole_pairs} poles is a slip of {100 * slip:.2g} %, usual for this power "
             f"is {100 * usual:.2g} %: speed_rpm = {synchronous_rpm * (1 - usual):.0f} would fit"
         )
+
+
+def _believable_product(plate: Nameplate, of: Typical) -> None:
+    """Power, voltage and current against each other."""
+    usual = of.product.at(plate.power_kW)
+    if usual / PRODUCT_FACTOR <= plate.product < MOST_PRODUCT:
+        if plate.voltage_V < LEAST_OHM * plate.current_A:
+            raise SetupError(
+                f"voltage_V = {plate.voltage_V:g} and current_A = {plate.current_A:g} are less "
+                f"than {LEAST_OHM:g} ohm: are they exchanged?"
+            )
+        return
+
+    def fits(other: Nameplate) -> bool:
+        usual = of.product.at(other.power_kW)
+        return usual / PRODUCT_NEAR <= other.product <= min(usual * PRODUCT_NEAR, MOST_FACTOR)
+
+    if hint := meant(plate, ("voltage_V", "current_A", "power_kW"), fits):
+        raise SetupError(
+            f"{plate.sizes} are an efficiency times power factor of {plate.product:.3g}, allowed "
+            f"is above {usual / PRODUCT_FACTOR:.2g} and below {MOST_PRODUCT:g}: {hint}"
+        )
+    fitting = f"current_A = {plate.current_A * plate.product / usual:.3g} would fit"
+    if plate.product < MOST_PRODUCT:
+        raise SetupError(
+            f"current_A = {plate.current_A:g}: {plate.sizes} are an efficiency times power factor "
+            f"of {plate.product:.3g}, usual for this power is {min(usual, 0.95):.2g}: {fitting}"
+        )
+    try:
+        split(plate)
+    except SetupError as error:
+        raise SetupError(f"{error} {fitting}") from None
 
 
 def _efficiency(plate: Nameplate, rs_ohm: float) -> float:

@@ -58,6 +58,8 @@ FRICTION = Assumed(0.1, 0.05, 0.15)  #: friction and windage, share of all losse
 #: Efficiency times power factor of a motor is above this. If a plate is below when it is taken for
 #: that of two sets, it may be that of one: a three-phase machine has twice the product.
 LEAST_PRODUCT = 0.45
+#: And below this.
+MOST_PRODUCT = 0.98
 THREE_PHASE = "hexatorque drives six-phase machines only"
 #: A leakage reactance is never below this share of voltage over current.
 LEAST_LEAKAGE = 0.02
@@ -138,14 +140,19 @@ class Circuit:
     flux_Wb: float
 
 
+#: The slip of a machine at rated load is below this.
+MOST_SLIP = 0.3
+
+
 def slip_of(plate: Nameplate) -> float:
     synchronous_rpm = 60 * plate.frequency_Hz / plate.pole_pairs
     slip = 1 - plate.speed_rpm / synchronous_rpm
-    if not 0 < slip < 0.3:
+    if not 0 < slip < MOST_SLIP:
         raise SetupError(
             f"speed_rpm = {plate.speed_rpm:g}: with {plate.frequency_Hz:g} Hz and "
             f"{2 * plate.pole_pairs} poles the synchronous speed is {synchronous_rpm:g} r/min, "
-            f"so allowed is {0.7 * synchronous_rpm:g} .. {synchronous_rpm:g} r/min, both excluded"
+            f"so allowed is {(1 - MOST_SLIP) * synchronous_rpm:g} .. {synchronous_rpm:g} r/min, "
+            "both excluded"
         )
     return slip
 
@@ -155,11 +162,12 @@ def split(plate: Nameplate, efficiency: float = 0.0) -> tuple[float, float]:
     efficiency: if the plate has neither."""
     product, sizes = plate.product, plate.sizes
     told, factor = plate.efficiency, plate.power_factor
-    if product >= 0.98:
+    if product >= MOST_PRODUCT:
         apparent_kVA = plate.power_kW / product
         raise SetupError(
             f"{sizes} ({apparent_kVA:.4g} kVA): efficiency times power factor would be "
-            f"{product:.3g}, allowed is below 0.98; is the current that of one line of one set?"
+            f"{product:.3g}, allowed is below {MOST_PRODUCT:g}; is the current that of one line of "
+            "one set?"
         )
     if told and factor:
         if abs(told * factor / product - 1) > 0.05:
@@ -171,9 +179,13 @@ def split(plate: Nameplate, efficiency: float = 0.0) -> tuple[float, float]:
         return product / factor, factor
     efficiency = product / factor if factor else told or efficiency
     factor = product / efficiency
+    other = "power_factor" if plate.power_factor else "efficiency"
     for name, value in (("efficiency", efficiency), ("power factor", factor)):
         if not 0 < value < 1:
-            raise SetupError(f"{sizes}: the {name} would be {value:.3g}, allowed is below 1")
+            raise SetupError(
+                f"{sizes}: the {name} would be {value:.3g}, allowed is below 1: {other} must be "
+                f"above {product:.3g}"
+            )
     return efficiency, factor
 
 

@@ -11,6 +11,7 @@ from ..given import choice, real, suggest
 from .design import REACH_PU, USABLE
 from .estimate import estimate, ranges, rotor_kgm2, spread
 from .keys import DEVICES, KEYS, LXY_LEAST, LXY_SHARE, MODEL, MOST_NM, MOST_RPM, MOST_V, Key
+from .mistyped import shifted
 from .nameplate import FRICTION, IRON, THREE_PHASE, Nameplate, ThreePhase
 from .published import machines
 from .values import SetupError
@@ -137,9 +138,11 @@ def value(name: str, word: str, key: Key) -> Any:
     whole = key.kind == "integer"
     if not key.min <= number <= key.max or (whole and number % 1):
         allowed = f"{key.min:.9g} .. {key.max:.9g} {key.unit}".rstrip()
+        near = shifted(number, key.min, key.max) if key.max == 1 else None
         raise SetupError(
             f"{name} = {number:.9g}: allowed range is {allowed}"
             + (", whole numbers only" if whole else "")
+            + (f": did you mean {near:g}?" if near else "")
         )
     if name == "poles" and number % 2:
         raise SetupError(f"poles = {number:.9g}: an even number is needed")
@@ -150,6 +153,7 @@ def from_nameplate(text: str, title: str) -> str:
     """The text of a set-up from what a nameplate says. ThreePhase if the plate is a three-phase
     machine's."""
     given = read(text, NAMEPLATE)
+    _link_fits(given)
     plate = Nameplate(
         **{n: given[n] for n in ("power_kW", "voltage_V", "current_A", "frequency_Hz")},
         speed_rpm=given["speed_rpm"],
@@ -204,6 +208,21 @@ def from_nameplate(text: str, title: str) -> str:
     }
     controller = {} if plate.pull_out else _careful_steps("leakages are estimates")
     return _text(title, head, machine, rated, given, controller)
+
+
+#: So many times the dc link that a plate's voltage needs is believed.
+MOST_LINK = 3.0
+
+
+def _link_fits(given: dict[str, Any]) -> None:
+    """SetupError if no inverter for this plate has such a dc link. A lower one may be wanted."""
+    vdc_V, needed_V = given["vdc_V"], suggestion("vdc_V", given)
+    if vdc_V > MOST_LINK * needed_V:
+        near = shifted(vdc_V, 0.7 * needed_V, 1.5 * needed_V)
+        raise SetupError(
+            f"vdc_V = {vdc_V:g}: {given['voltage_V']:g} V need {needed_V:g} V, allowed is up to "
+            f"{MOST_LINK * needed_V:g} V" + (f": did you mean {near:g}?" if near else "")
+        )
 
 
 def from_circuit(text: str, title: str) -> str:

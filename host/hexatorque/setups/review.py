@@ -20,7 +20,7 @@ from .derived import (
     WRITTEN_WITHIN,
     write_delay_us,
 )
-from .design import PULL_OUT_SHARE, REACH_PU, Design, rad_s
+from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Demand, Design, rad_s
 from .estimate import published_kW, usual
 from .keys import KEYS
 from .mean_torque import held
@@ -232,11 +232,23 @@ def _believable(d: Design) -> Iterator[Finding]:
     for side, ohm in (("rs_ohm", m.rs_ohm), ("rr_ohm", m.rr_ohm)):
         yield at_most(
             f"{side} times rated current over the voltage", ohm * share_A, MOST_RESISTANCE, "",
-            f"no machine has so much: check machine.{side}, rated.current_A and inverter.vdc_V",
+            _too_resistive(d, side, ohm),
         )  # fmt: skip
     if all(m.lm_H >= LEAST_MAIN * leakage_H for leakage_H in (m.lls_H, m.llr_H)):
         yield from _usual(d)
     yield from _as_built(d)
+
+
+def _too_resistive(d: Design, side: str, ohm: float) -> str:
+    current_A, vdc_V = d.setup["rated.current_A"], d.setup["inverter.vdc_V"]
+    if math.sqrt(2) * vdc_V * ohm < 0.5 * MOST_RESISTANCE * REACH_PU * current_A:
+        return (
+            f"check machine.{side}; or are rated.current_A = {current_A:g} and inverter.vdc_V = "
+            f"{vdc_V:g} exchanged?"
+        )
+    needed_V = d.machine.pole_pairs * rad_s(d.rated_rpm) * d.flux_Wb / (USABLE * REACH_PU)
+    fits = f" ({needed_V:.3g} V turn the flux at rated speed)" if needed_V > vdc_V else ""
+    return f"no machine has so much: check machine.{side}, rated.current_A and inverter.vdc_V{fits}"
 
 
 def _as_built(d: Design) -> Iterator[Finding]:
@@ -353,20 +365,28 @@ def _why(f: Finding) -> str:
     return f"{f.subject} is {f.value:.4g} {f.unit}".rstrip() + f", {beyond} {f.limit:.4g}"
 
 
+def _or_profile(d: Design, link_V: float) -> str:
+    return "" if link_V == d.vdc_V else f", or change profile.vdc_V = {link_V:g} V"
+
+
 def _fits(d: Design) -> Iterator[Finding]:
     """What goes beyond the firmware's own demands, which every set-up meets (`Setup`)."""
     p, setup = d.parameter, d.setup
     yield at_least(
-        "vdc_max_V above the link", p("vdc_max_V"), 1.05 * d.vdc_V, "V",
-        "give the sensor more range (sensors.vdc_full_V) or raise controller.vdc_max_V",
+        "vdc_max_V above the link", p("vdc_max_V"), 1.05 * max(d.links_V), "V",
+        "give the sensor more range (sensors.vdc_full_V) or raise controller.vdc_max_V"
+        + _or_profile(d, max(d.links_V)),
     )  # fmt: skip
+    # With a capacitor the link outlasts a source that is lost.
+    least_V = d.vdc_V if setup["inverter.link_F"] > 0 else min(d.links_V)
     yield at_most(
-        "vdc_min_V below the link", p("vdc_min_V"), 0.95 * d.vdc_V, "V",
-        "lower controller.vdc_min_V",
+        "vdc_min_V below the link", p("vdc_min_V"), 0.95 * least_V, "V",
+        "lower controller.vdc_min_V" + _or_profile(d, least_V),
     )  # fmt: skip
     if p("vdc_high_V") > 0:
         yield at_least(
-            "vdc_high_V - vdc_band_V above the link", p("vdc_high_V") - p("vdc_band_V"), d.vdc_V,
+            "vdc_high_V - vdc_band_V above the link", p("vdc_high_V") - p("vdc_band_V"),
+            max(d.links_V),
             "V", "raise controller.vdc_high_V: below the source's voltage the drive would push",
         )  # fmt: skip
     if p("vdc_low_V") > 0:
@@ -466,8 +486,7 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
     p, m = d.parameter, d.machine
     yield at_most(
         "rs_ohm times rated current over the voltage", m.rs_ohm * d.rated_A / (REACH_PU * d.vdc_V),
-        MOST_RESISTANCE, "",
-        "no machine has so much: check machine.rs_ohm, rated.current_A and inverter.vdc_V",
+        MOST_RESISTANCE, "", _too_resistive(d, "rs_ohm", m.rs_ohm),
     )  # fmt: skip
     yield at_most(
         "flux of the rated current in L_d over the magnets'", m.ld_H * d.rated_A / m.psi_f_Wb,
@@ -725,16 +744,21 @@ def _reach(d: Design, row: Any, by_table: bool) -> Iterator[Finding]:
         REACH, reach_rpm, d.rated_rpm, "r/min",
         f"the field is weakened from there on; to avoid it {more}", "note",
     )  # fmt: skip
-    usable_V = p("fw_margin") * reach_pu * d.vdc_V
 
-    def most_Nm(speed_rpm: float) -> float:
-        return min(p("torque_limit_Nm"), d.most_torque_Nm(speed_rpm, usable_V))
+    def most_Nm(asked: Demand) -> float:
+        usable_V = p("fw_margin") * reach_pu * asked.vdc_V
+        return min(p("torque_limit_Nm"), d.most_torque_Nm(asked.speed_rpm, usable_V))
 
-    speed_rpm, load_Nm = max(d.demands, key=lambda asked: asked[1] - most_Nm(asked[0]))
+    # A source that is lost is asked for nothing.
+    held = [asked for asked in d.demands if asked.vdc_V > p("vdc_min_V")] or d.demands
+    worst = max(held, key=lambda asked: asked.load_Nm - most_Nm(asked))
+    load_Nm = worst.load_Nm
     if by_table and d.magnets:
         load_Nm += p("torque_band_Nm")  # the mean may be so far below the limit
-    where = "rated speed" if speed_rpm == d.rated_rpm else f"{speed_rpm:.0f} r/min"
-    yield at_least(f"torque left at {where}", most_Nm(speed_rpm), load_Nm, "N m", more)
+    where = "rated speed" if worst.speed_rpm == d.rated_rpm else f"{worst.speed_rpm:.0f} r/min"
+    if worst.vdc_V != d.vdc_V:
+        where += f" and {worst.vdc_V:g} V"
+    yield at_least(f"torque left at {where}", most_Nm(worst), load_Nm, "N m", more)
 
 
 def _refused(setup: Setup, findings: list[Finding]) -> Iterator[Finding]:

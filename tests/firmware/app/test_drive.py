@@ -1336,7 +1336,7 @@ def test_the_protection_limits_follow_from_the_parameters(bench):
         bench.controller.set("f_slow_Hz", f)
         c = bench.drive.config.protect
         # The mean lags by half a period, the filter of the flux's speed by 5 ms.
-        assert c.estimate_back == pytest.approx(max(0.5 - 0.005 * f, 0.0), abs=1e-6)
+        assert c.estimate_back == pytest.approx(0.5 - 0.005 * f, abs=1e-6)
         for gain, seconds in ((c.flux_gain, 0.2), (c.encoder_gain, 0.05)):
             assert gain / (1 - gain) == pytest.approx(1 / (seconds * f), rel=1e-4)
 

@@ -10,6 +10,7 @@ from hexatorque import firmware, setups
 from hexatorque.drive.simulated import DriveFault, SimulatedDrive
 from hexatorque.experiments.acceptance import accept
 from hexatorque.experiments.operating_points import NotReached, Point, measure_all
+from hexatorque.setups import new
 from hexatorque.setups.design import PULL_OUT_SHARE, Design, rad_s
 from hexatorque.setups.review import review
 
@@ -47,6 +48,39 @@ def test_few_are_called_bad():
     """Or the tests above would say little."""
     bad = [c for c in CASES if "bad" in verdicts(loaded(*c), c[1])]
     assert set(BAD) <= set(bad) and len(bad) <= len(BAD) + 1
+
+
+def fast_shaft(scheme):
+    """5.5 kW with a fifth of the inertia of a usual motor: it reverses within 26 ms."""
+    plate = "power_kW=5.5,voltage_V=400,current_A=5.9,power_factor=0.8,frequency_Hz=50"
+    plate += ",speed_rpm=1450,poles=4,inertia_kgm2=0.004"
+    return setups.parse(new.from_nameplate(plate, "fast"), "fast").with_scheme(scheme)
+
+
+@pytest.mark.parametrize("scheme", ("db-dtfc", "ddr", "foc"))
+def test_a_shaft_that_reverses_within_the_time_of_the_encoders_check(scheme):
+    """Its encoder is in order, out of weakening too."""
+    setup = fast_shaft(scheme)
+    limit_Nm = setup.parameter("torque_limit_Nm")
+    assert rad_s(2 * 1450) / (limit_Nm / setup["machine.inertia_kgm2"]) < 0.05
+    assert accept(setup, ((1.3, 0), (-1, 0), (1.3, 0), (-1.3, 0), (1, 0.5), (-1, 0.5))).state
+
+
+@pytest.mark.parametrize("scheme", ("db-dtfc", "ddr"))
+def test_an_encoder_that_stops_on_a_light_shaft_is_found(scheme):
+    """The mean of 50 ms is above the limit when it has seen the shaft's speed for -50 ms times
+    ln(1 - limit/speed), at the latest: the shaft runs away from its reference meanwhile."""
+    setup = fast_shaft(scheme)
+    sim = SimulatedDrive(setup.changed(load__kind="constant"), 1)
+    sim.start()
+    sim.run(0.8, record=False)
+    speed_rpm, slow_s = 1000, 1 / setup.parameter("f_slow_Hz")
+    sim.set("speed_ref_rpm", speed_rpm)
+    sim.run(1.0, record=False)
+    sim.sensors.hold[7] = 1
+    latest_s = -0.05 * math.log(1 - setup.parameter("encoder_trip_rpm") / speed_rpm)
+    sim.run(latest_s + 2 * slow_s, record=False)
+    assert sim.faults == ["encoder against flux speed"]
 
 
 def test_the_observer_holds_the_flux_of_machines_of_low_sigma():

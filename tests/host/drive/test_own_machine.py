@@ -223,6 +223,40 @@ def test_a_step_after_the_end_is_refused(text, words, own, capsys):
     assert said.count("\n") == 1 and all(word in said for word in words)
 
 
+@pytest.mark.parametrize(
+    ("steps", "words"),
+    [
+        ("speed_rpm = [[0.4, 100], [0.6, -2500]]", ("-2500 r/min at 0.6 s",)),
+        ('speed_rpm = [[0.4, 900]]\nset = [[0.7, "speed_trip_rpm", 800]]', ("900", "at 0.7 s")),
+        ('set = [[0.5, "speed_ref_rpm", 2000]]', ("2000 r/min at 0.5 s",)),
+    ],
+)
+def test_a_speed_at_which_the_drive_trips_is_refused_before_it_starts(steps, words, own, capsys):
+    file = own("[controller]\nspeed_trip_rpm = 2000\n[profile]", "duration_s = 1", steps)
+    assert main(["run", file]) == 2
+    said = capsys.readouterr().err
+    trip_rpm = 800 if "800" in steps else 2000
+    assert said.count("\n") == 1 and "Traceback" not in said
+    assert all(word in said for word in (*words, f"-{trip_rpm} .. {trip_rpm} r/min", "excluded"))
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        "speed_rpm = [[0.5, 1999]]",
+        'set = [[0.4, "speed_trip_rpm", 3000]]\nspeed_rpm = [[0.5, 2100]]',
+        'set = [[0.0, "control_mode", "torque"]]\nspeed_rpm = [[0.5, 2100]]',
+    ],
+)
+def test_a_speed_that_no_trip_forbids_is_followed(steps, own):
+    """Below the trip, with a trip that was raised before, and where the speed is not controlled."""
+    file = own("[controller]\nspeed_trip_rpm = 2000\n[profile]", "duration_s = 0.6", steps)
+    setup = setups.load(file)
+    sim = SimulatedDrive(setup, 1)
+    sim.run_profile(setup.profile)
+    sim.check()
+
+
 def test_a_step_after_the_end_is_refused_without_a_file():
     sim = SimulatedDrive(setups.load("paper-b"), 1)
     with pytest.raises(SetupError, match=r"ends at duration_s = 0\.1 s"):

@@ -123,3 +123,80 @@ def test_a_number_that_cannot_be_is_named_in_one_line(change, words):
     assert "\n" not in str(error.value)
     for word in words:
         assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "typed", "fits"),
+    [
+        # A number ten, a hundred or a thousand times as large or small.
+        ({"voltage_V": "40"}, "40 V", ("voltage_V = 400?",)),
+        ({"voltage_V": "4000"}, "4000 V", ("voltage_V = 400?",)),
+        ({"current_A": "0.59"}, "0.59 A", ("current_A = 5.9 or power_kW = 0.55?",)),
+        ({"power_kW": "5500"}, "5500 kW", ("power_kW = 5.5?",)),
+        ({"frequency_Hz": "500"}, "500 Hz", ("frequency_Hz = 50?",)),
+        ({"speed_rpm": "145"}, "speed_rpm = 145", ("speed_rpm = 1450 or poles = 40?",)),
+        ({"poles": "6"}, "6 poles", ("poles = 4?",)),
+        ({"power_factor": "80"}, "power_factor = 80", ("0 .. 1", "0.8?")),
+        ({"efficiency": "87"}, "efficiency = 87", ("0 .. 1", "0.87?")),
+        ({"vdc_V": "6000"}, "vdc_V = 6000", ("up to 1890 V", "600?")),
+        # No power of ten helps.
+        ({"voltage_V": "230"}, "230 V", ("below 0.98", "current_A = 9.25 would fit")),
+        ({"power_factor": "0.08"}, "efficiency would be 8.41", ("power_factor", "above 0.673")),
+        ({"vdc_V": "60"}, "0.5", ("inverter.vdc_V (583 V",)),
+    ],
+)
+def test_a_mistyped_number_is_named_with_the_one_that_fits(change, typed, fits):
+    """583 V: the flux of the plate turns at its speed, within 0.9/sqrt 3 of the link."""
+    given = {
+        "power_kW": "5.5",
+        "voltage_V": "400",
+        "current_A": "5.9",
+        "power_factor": "0.8",
+        "frequency_Hz": "50",
+        "speed_rpm": "1450",
+        "poles": "4",
+    } | change
+    with pytest.raises(SetupError) as error:
+        text = new.from_nameplate(",".join(f"{n}={v}" for n, v in given.items()), "x")
+        new.with_best_scheme(text, "x")
+    assert "\n" not in str(error.value)
+    for word in (typed, *fits):
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize("machine", machines(), ids=lambda machine: machine.name)
+def test_no_published_plate_is_taken_for_a_mistyped_one(machine):
+    """And each is asked about by its own number if one is ten times as large."""
+    plate = estimate.examples(machine)[0].plate
+    estimate.estimate(plate)
+    for name in ("voltage_V", "current_A"):
+        number = float(f"{getattr(plate, name):.4g}")
+        wrong = replace(plate, **{name: 10 * number})
+        large = plate.power_kW >= 100 and wrong.voltage_V == 4000
+        if large or wrong.voltage_V == 240:  # many machines have this voltage
+            continue
+        with pytest.raises(SetupError, match=rf"did you mean .*{name} = {number:g}\b"):
+            estimate.estimate(wrong)
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (
+            new.from_circuit,
+            "pole_pairs=2,rs_ohm=1.1,rr_ohm=0.9,lls_H=7e-3,llr_H=7e-3,lm_H=0.21,"
+            "current_A=600,vdc_V=5.9",
+        ),
+        (
+            new.from_magnets,
+            "poles=10,ke_V=47,rs_ohm=1.1,ld_H=2.1e-3,inertia_kgm2=0.03,current_A=60,vdc_V=3.5",
+        ),
+    ],
+)
+def test_voltage_and_current_that_are_exchanged_are_named(make, text):
+    with pytest.raises(SetupError) as error:
+        new.with_best_scheme(make(text, "x"), "x")
+    given = dict(part.split("=") for part in text.split(","))
+    current, volts = given["current_A"], given["vdc_V"]
+    words = f"are rated.current_A = {current} and inverter.vdc_V = {volts} exchanged?"
+    assert all(words in line for line in str(error.value).split("\n"))

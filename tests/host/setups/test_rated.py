@@ -83,12 +83,20 @@ def test_loads_and_speeds_of_a_profile_are_judged_as_they_come_together():
     steps = "[profile]\nduration_s = 9\nspeed_rpm = [[0, 1000], [4, 2000]]\n"
     steps += "load_Nm = [[2, 3], [4, -1.5], [6, 0]]\n"
     d = design(setups.parse(SMALL + steps, "x"))
-    assert set(d.demands) == {(1000, 3), (2000, 1.5)}
+    assert {one[:2] for one in d.demands} == {(1000, 3), (2000, 1.5)}
     rated = "[rated]\nspeed_rpm = 2850\ntorque_Nm = 6.7\n"
     stated = design(setups.parse(SMALL + steps + rated, "x"))
-    assert set(stated.demands) == {*d.demands, (2850, 6.7)}
+    assert {one[:2] for one in stated.demands} == {(1000, 3), (2000, 1.5), (2850, 6.7)}
     alone = design(setups.parse(SMALL, "x"))
-    assert alone.demands == [(alone.rated_rpm, alone.rated_Nm)]
+    assert alone.demands == [(alone.rated_rpm, alone.rated_Nm, alone.vdc_V)]
+
+
+def test_a_voltage_of_the_profile_counts_from_its_moment_on():
+    """The load comes at 600 V, stays while the link sags, and is gone before the link is back."""
+    steps = "[profile]\nduration_s = 9\nspeed_rpm = [[0, 1000]]\nload_Nm = [[2, 3], [6, 0]]\n"
+    d = design(setups.parse(SMALL + steps + "vdc_V = [[4, 450], [7, 620]]\n", "x"))
+    assert set(d.demands) == {(1000, 3, d.vdc_V), (1000, 3, 450)}
+    assert d.links_V == [d.vdc_V, 450, 620]
 
 
 def test_what_is_asked_of_a_circuit_decides_its_flux_and_its_torque_limit():

@@ -62,6 +62,65 @@ def test_a_profile_above_the_trip_is_bad():
     ] == ("bad")
 
 
+PROFILE = "[profile]\nduration_s = 3\nspeed_rpm = [[0.5, 2000]]\nload_Nm = [[1, 6]]\n"
+
+
+def sagging(volts, **changes):
+    text = f'setup = "small-2kw"\n{PROFILE}vdc_V = [[2, {volts}]]\n'
+    return review(setups.parse(text, "x").changed(**changes), ["foc"])
+
+
+@pytest.mark.parametrize(
+    ("volts", "subject", "limit"),
+    [
+        # small-2kw: 600 V, trips at 360 and 840 V
+        (350, "vdc_min_V below the link", 0.95 * 350),
+        (830, "vdc_max_V above the link", 1.05 * 830),
+    ],
+)
+def test_a_link_of_the_profile_that_trips_the_drive_is_bad(volts, subject, limit):
+    found = {f.subject: f for f in sagging(volts)}[subject]
+    assert found.verdict == "bad" and found.limit == pytest.approx(limit)
+    assert found.advice.endswith(f"or change profile.vdc_V = {volts} V")
+    assert {f.subject: f for f in sagging(610)}[subject].verdict == "ok"
+
+
+def test_the_torque_is_judged_at_the_voltage_that_the_profile_leaves():
+    """Half of the voltage turns half of the flux, with a quarter of the pull-out torque at most."""
+    setup = {"rated__speed_rpm": 2850, "rated__torque_Nm": 6.7, "controller__vdc_min_V": 100.0}
+    high, low = (
+        next(f for f in sagging(volts, **setup) if f.subject.startswith("torque left at"))
+        for volts in (610, 250)
+    )
+    assert high.verdict == "ok" and "V" not in high.subject
+    assert low.verdict == "bad" and low.subject == "torque left at 2000 r/min and 250 V"
+    assert low.value < 0.5 * high.value and low.limit == 6
+
+
+def test_a_capacitor_outlasts_a_source_that_is_lost():
+    """Nothing is asked of the source while it is away, and the link is not the source."""
+    found = sagging(0, inverter__link_F=1e-3)
+    assert {f.subject: f for f in found}["vdc_min_V below the link"].verdict == "ok"
+    assert not any("0 V" in f.subject for f in found)
+
+
+def test_above_the_speed_trip_each_machine_is_told_what_helps():
+    """Where the magnets would drive current by themselves, no higher trip is of use."""
+    subject = "rated speed against the trip"
+
+    def advice(name, share):
+        setup = setups.load(name)
+        trip_rpm = setup.parameter("speed_trip_rpm")
+        changed = setup.changed(
+            controller__speed_trip_rpm=trip_rpm, rated__speed_rpm=share * trip_rpm
+        )
+        return {f.subject: f for f in review(changed, [])}[subject].advice
+
+    assert advice("small-2kw", 0.96) == "raise controller.speed_trip_rpm"
+    assert advice("magnet-surface", 0.96).startswith("raise controller.speed_trip_rpm")
+    assert advice("magnet-surface", 1.5).startswith("raise inverter.vdc_V")
+
+
 def test_no_built_in_set_up_has_a_number_that_no_machine_has():
     for name in setups.builtin_names():
         setup = setups.load(name)

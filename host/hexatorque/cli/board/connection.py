@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
+from ...drive.trips import WAY_TO_SPEED, too_fast
 from ...errors import HexatorqueError
 from ...given import parameter_name
 from ..options import Mistake
@@ -86,7 +87,7 @@ def start_drive(drive: BoardDrive, values: dict[str, object]) -> None:
     known = [name for name in values if name in drive.params]
     before = drive.get_many(list(dict.fromkeys([*WAY_TO_SPEED, *known])))
     start_mode, control_mode, asked_rpm, trip_rpm = _with(drive, before, values)
-    if (start_mode, control_mode) == ("drive", "speed") and abs(asked_rpm) >= trip_rpm:
+    if too_fast(start_mode, control_mode, asked_rpm, trip_rpm):
         raise Mistake(
             f"speed_ref_rpm = {asked_rpm:g} r/min: the drive would trip at speed_trip_rpm = "
             f"{trip_rpm:g} r/min"
@@ -98,10 +99,6 @@ def start_drive(drive: BoardDrive, values: dict[str, object]) -> None:
         with suppress(HexatorqueError):  # the line may be gone
             drive.set_many({name: before[name] for name in known})
         raise
-
-
-#: The parameters that tell whether a start ends with a trip of the speed.
-WAY_TO_SPEED = ("start_mode", "control_mode", "speed_ref_rpm", "speed_trip_rpm")
 
 
 def _with(drive: BoardDrive, before: dict, values: dict[str, object]) -> tuple:
