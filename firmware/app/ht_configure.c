@@ -3,6 +3,7 @@
 #include "ht_angle.h"
 #include "ht_misfit.h"
 
+#include <math.h>
 #include <stddef.h>
 
 #define PI_F 3.14159265f
@@ -233,6 +234,24 @@ static void configure_vdc(const float *v, ht_vdc_config *c)
     c->kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
 }
 
+/* `pull_out`: of the torque limit, per flux squared. */
+static void configure_least_loss(const float *v, float pull_out, ht_least_loss_config *c)
+{
+    float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
+    float main_H = ratio * v[HT_P_lm_H];
+    float ls_H = v[HT_P_sigma_ls_H] + main_H;
+    float floor_Wb = sqrtf(v[HT_P_flux_reserve_Nm] / pull_out);
+    float wait = v[HT_P_flux_wait_s] * v[HT_P_f_slow_Hz];
+    c->per_Nm = 1.0f / (3.0f * v[HT_P_pole_pairs] * main_H);
+    c->ls2_H2 = ls_H * ls_H;
+    c->across2_H2 = v[HT_P_sigma_ls_H] * v[HT_P_sigma_ls_H];
+    c->rotor_ohm = v[HT_P_rr_ohm] * ratio * ratio;
+    c->hysteresis_ohm = v[HT_P_iron_hysteresis_A_Wb] / 3.0f;
+    c->eddy_ohm = v[HT_P_iron_eddy_S] / 3.0f;
+    c->floor_Wb = (floor_Wb > v[HT_P_flux_min_Wb]) ? floor_Wb : v[HT_P_flux_min_Wb];
+    c->wait = (uint32_t)wait;
+}
+
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
     const float *v = c->params.v;
@@ -255,6 +274,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     configure_vdc(v, &c->vdc);
     c->pull_out_Nm_Wb2 = pull_out(v);
     ht_derating_configure(&c->params, &c->control.observer, &c->derating);
+    configure_least_loss(v, c->pull_out_Nm_Wb2, &c->least_loss);
     c->sets.gain = 1.0f / (1.0f + SETS_S * v[HT_P_f_slow_Hz]);
     /* Where the x-y currents are large, wrong parameters make more of them in the residual than the
      * sets' difference does. */
