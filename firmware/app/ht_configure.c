@@ -17,6 +17,8 @@
 #define COUNTS_QUICK_S 0.0003f
 #define OMEGA_FILTER_S 0.005f
 #define OMEGA_MEAN_S 0.2f
+/* Flux of least loss: the mean torque, sampled with all of its ripple. */
+#define TORQUE_ERROR_S 1.0f
 /* The build-up is direct current, where all that the models disagree about is R_s: it
  * is learnt quickly there, or a wrong one would build a wrong flux. */
 #define BUILD_ADAPT_S 0.1f
@@ -242,6 +244,7 @@ static void configure_least_loss(const float *v, float pull_out, ht_least_loss_c
     float ls_H = v[HT_P_sigma_ls_H] + main_H;
     float floor_Wb = sqrtf(v[HT_P_flux_reserve_Nm] / pull_out);
     float wait = v[HT_P_flux_wait_s] * v[HT_P_f_slow_Hz];
+    c->error_gain = 1.0f / (1.0f + TORQUE_ERROR_S * v[HT_P_f_slow_Hz]);
     c->per_Nm = 1.0f / (3.0f * v[HT_P_pole_pairs] * main_H);
     c->ls2_H2 = ls_H * ls_H;
     c->across2_H2 = v[HT_P_sigma_ls_H] * v[HT_P_sigma_ls_H];

@@ -134,7 +134,8 @@ static float wanted_Wb(ht_drive *d, const ht_drive_config *c)
         ht_least_loss_reset(&d->least_loss, most_Wb);
         return most_Wb;
     }
-    in.torque_Nm = d->torque_ref_Nm;
+    in.torque_ref_Nm = d->torque_ref_Nm;
+    in.torque_Nm = d->control.estimate.torque_Nm;
     in.omega_rad_s = d->omega_mean_rad_s;
     in.rs_ohm = d->control.observer.rs_ohm;
     in.rr_scale = d->control.observer.rr_scale;

@@ -18,6 +18,7 @@
 #include <stdint.h>
 
 typedef struct {
+    float error_gain;     /**< of the mean error, per step */
     float per_Nm;         /**< d q of a torque: L_r/(3 P L_m^2) */
     float ls2_H2;         /**< L_s^2 */
     float across2_H2;     /**< (sigma L_s)^2 */
@@ -29,6 +30,7 @@ typedef struct {
 } ht_least_loss_config;
 
 typedef struct {
+    float error_Nm; /**< slow mean of the torque less its reference: the tables keep one */
     float held_Wb;  /**< the flux in use */
     float asked_Wb; /**< the largest that was asked for since `waited` began */
     uint32_t waited;
@@ -36,7 +38,8 @@ typedef struct {
 
 /** What the loss depends on. */
 typedef struct {
-    float torque_Nm;
+    float torque_ref_Nm;
+    float torque_Nm;   /**< estimated, with its ripple; either has either sign */
     float omega_rad_s; /**< of the flux, electrical, either sign */
     float rs_ohm;      /**< in use */
     float rr_scale;    /**< rotor resistance in use, relative to the configured one */
@@ -46,8 +49,9 @@ typedef struct {
 /** Hold the flux `most_Wb`. */
 void ht_least_loss_reset(ht_least_loss_state *st, float most_Wb);
 
-/** The flux of least loss, without limits. */
-float ht_least_loss_Wb(const ht_least_loss_config *cfg, const ht_least_loss_input *in);
+/** The flux of least loss at this torque, without limits. */
+float ht_least_loss_Wb(const ht_least_loss_config *cfg, const ht_least_loss_input *in,
+                       float torque_Nm);
 
 /** One step of the slow loop: this flux between floor and `most_Wb`. It rises at once. It falls, after
  *  the wait, to the largest that was asked for meanwhile: a load that comes again and again finds its flux. */
