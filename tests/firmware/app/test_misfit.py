@@ -98,6 +98,10 @@ CASES = {
         {"vdc_high_V": 350.0, "link_F": 100e-6},
         "vdc_band_V = 10 V, link_F = 0.0001 F: allowed is 74.23 V and more: within three",
     ),
+    "LEAST_LOSS": (
+        {**MAGNET, "flux_least_loss": "on"},
+        "flux_least_loss = on, machine = magnet: with magnets it must be off: their flux has",
+    ),
 }
 
 
