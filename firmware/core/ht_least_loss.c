@@ -32,10 +32,16 @@ float ht_least_loss_step(const ht_least_loss_config *cfg, ht_least_loss_state *s
 {
     float wanted;
     st->error_Nm += cfg->error_gain * (in->torque_Nm - in->torque_ref_Nm - st->error_Nm);
+    if ((st->error_Nm - st->error_Nm) != 0.0f) {
+        st->error_Nm = 0.0f; /* NaN or infinity: nothing learnt */
+    }
     wanted = ht_least_loss_Wb(cfg, in, in->torque_ref_Nm + st->error_Nm);
-    wanted = (wanted > cfg->floor_Wb) ? wanted : cfg->floor_Wb;
-    if (in->limited || !(wanted < most_Wb)) {
+    if (in->limited || !(wanted < most_Wb)) { /* NaN is no flux to fall to */
         wanted = most_Wb;
+    } else if (wanted < cfg->floor_Wb) {
+        wanted = cfg->floor_Wb;
+    } else {
+        /* between both */
     }
     if (!(wanted < st->held_Wb)) {
         hold(st, wanted);
