@@ -3,6 +3,7 @@
 #include "ht_angle.h"
 #include "ht_misfit.h"
 
+#include <math.h>
 #include <stddef.h>
 
 #define PI_F 3.14159265f
@@ -16,6 +17,8 @@
 #define COUNTS_QUICK_S 0.0003f
 #define OMEGA_FILTER_S 0.005f
 #define OMEGA_MEAN_S 0.2f
+/* Flux of least loss: the mean torque, sampled with all of its ripple. */
+#define TORQUE_ERROR_S 1.0f
 /* The build-up is direct current, where all that the models disagree about is R_s: it
  * is learnt quickly there, or a wrong one would build a wrong flux. */
 #define BUILD_ADAPT_S 0.1f
@@ -246,6 +249,25 @@ static void configure_motion(const float *v, ht_drive_config *c)
     }
 }
 
+/* `pull_out`: of the torque limit, per flux squared. */
+static void configure_least_loss(const float *v, float pull_out, ht_least_loss_config *c)
+{
+    float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
+    float main_H = ratio * v[HT_P_lm_H];
+    float ls_H = v[HT_P_sigma_ls_H] + main_H;
+    float floor_Wb = sqrtf(v[HT_P_flux_reserve_Nm] / pull_out);
+    float wait = v[HT_P_flux_wait_s] * v[HT_P_f_slow_Hz];
+    c->error_gain = 1.0f / (1.0f + TORQUE_ERROR_S * v[HT_P_f_slow_Hz]);
+    c->per_Nm = 1.0f / (3.0f * v[HT_P_pole_pairs] * main_H);
+    c->ls2_H2 = ls_H * ls_H;
+    c->across2_H2 = v[HT_P_sigma_ls_H] * v[HT_P_sigma_ls_H];
+    c->rotor_ohm = v[HT_P_rr_ohm] * ratio * ratio;
+    c->hysteresis_ohm = v[HT_P_iron_hysteresis_A_Wb] / 3.0f;
+    c->eddy_ohm = v[HT_P_iron_eddy_S] / 3.0f;
+    c->floor_Wb = (floor_Wb > v[HT_P_flux_min_Wb]) ? floor_Wb : v[HT_P_flux_min_Wb];
+    c->wait = (uint32_t)wait;
+}
+
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
     const float *v = c->params.v;
@@ -268,6 +290,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     configure_vdc(v, &c->vdc);
     c->pull_out_Nm_Wb2 = pull_out(v);
     ht_derating_configure(&c->params, &c->control.observer, &c->derating);
+    configure_least_loss(v, c->pull_out_Nm_Wb2, &c->least_loss);
     c->sets.gain = 1.0f / (1.0f + SETS_S * v[HT_P_f_slow_Hz]);
     /* Where the x-y currents are large, wrong parameters make more of them in the residual than the
      * sets' difference does. */

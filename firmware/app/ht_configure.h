@@ -8,6 +8,7 @@
 #include "ht_control.h"
 #include "ht_derating.h"
 #include "ht_excitation.h"
+#include "ht_least_loss.h"
 #include "ht_params.h"
 #include "ht_protect.h"
 #include "ht_ramp.h"
@@ -34,6 +35,7 @@ typedef struct {
     float lxy_gain;        /**< of L_xy that the check of the legs learns, per slow interrupt */
     float pull_out_Nm_Wb2; /**< torque limit per flux squared */
     ht_derating_config derating;
+    ht_least_loss_config least_loss;
     ht_set_difference_config sets;
     float adapt_gain; /**< of the resistances, per slow interrupt */
     float build_gain; /**< the same during the build-up */

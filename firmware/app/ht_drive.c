@@ -333,6 +333,7 @@ static void end_build(ht_drive *d, float share)
         d->flux_ramp_Wb = d->flux_ref_Wb;
         d->omega_mean_rad_s = 0.0f;
         d->flux_lowered = 0u;
+        ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
         ht_drive_enter(d, HT_STATE_RUN);
     } else {
         /* still building */

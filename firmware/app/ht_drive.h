@@ -120,11 +120,12 @@ typedef struct {
     uint16_t calibration_ticks;
     uint16_t flux_lowered; /**< 1: less flux, to keep the flux turning */
     ht_excitation_state excitation;
-    ht_alignment_state rotor;   /**< with magnets: the angle of the d axis, and its alignment */
-    float along_A;              /**< current along the flux at the last slow interrupt */
-    ht_snapshot snapshot;       /**< of the latest fault; a clear keeps it */
-    ht_params params;           /**< the latest that were accepted */
-    ht_drive_config configs[2]; /**< the one in force and the next */
+    ht_alignment_state rotor;       /**< with magnets: the angle of the d axis, and its alignment */
+    ht_least_loss_state least_loss; /**< the flux in RUN */
+    float along_A;                  /**< current along the flux at the last slow interrupt */
+    ht_snapshot snapshot;           /**< of the latest fault; a clear keeps it */
+    ht_params params;               /**< the latest that were accepted */
+    ht_drive_config configs[2];     /**< the one in force and the next */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. No interrupt

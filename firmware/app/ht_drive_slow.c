@@ -123,12 +123,33 @@ static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
  * which are larger then. */
 #define DERATING_STEP 0.2f
 
+/* The flux without weakening and derating: the parameter's, or less where that costs less. A drive
+ * without a leg keeps the parameter's: its losses and its reserve are other ones. */
+static float wanted_Wb(ht_drive *d, const ht_drive_config *c)
+{
+    const float *v = c->params.v;
+    float most_Wb = v[HT_P_flux_ref_Wb];
+    ht_least_loss_input in;
+    if ((v[HT_P_flux_least_loss] == 0.0f) || (d->off_legs != 0u)) {
+        ht_least_loss_reset(&d->least_loss, most_Wb);
+        return most_Wb;
+    }
+    in.torque_ref_Nm = d->torque_ref_Nm;
+    in.torque_Nm = d->control.estimate.torque_Nm;
+    in.omega_rad_s = d->omega_mean_rad_s;
+    in.rs_ohm = d->control.observer.rs_ohm;
+    in.rr_scale = d->control.observer.rr_scale;
+    in.limited = ((d->limits & (unsigned)HT_LIMIT_TORQUE) != 0u)
+                 && (d->torque_limit_Nm < v[HT_P_torque_limit_Nm]);
+    return ht_least_loss_step(&c->least_loss, &d->least_loss, &in, most_Wb);
+}
+
 /* A new flux reference is approached as fast as in the build-up. The rotor's flux could not follow
  * a step of the stator's. */
 static void ramp_flux(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
-    float wanted = v[HT_P_flux_ref_Wb] * ((d->flux_lowered != 0u) ? LOWER_FLUX : 1.0f);
+    float wanted = wanted_Wb(d, c) * ((d->flux_lowered != 0u) ? LOWER_FLUX : 1.0f);
     float share = 1.0f;
     float larger;
     float step;

@@ -248,6 +248,9 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_STOP_TIME:
         result = v[HT_P_stop_s] >= ht_misfit_stop_s(p);
         break;
+    case HT_MISFIT_LEAST_LOSS:
+        result = (v[HT_P_machine] == 0.0f) || (v[HT_P_flux_least_loss] == 0.0f);
+        break;
     default:
         result = in_order(v, &table[misfit - 1u]);
         break;

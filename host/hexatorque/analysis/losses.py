@@ -27,6 +27,22 @@ def copper_loss_W(rec: Recording) -> float:
     return float(sum(r * np.mean(i * i) for r, i in zip(each_ohm, _phases_A(rec))))
 
 
+def iron_loss_W(rec: Recording) -> float:
+    """Mean of what the iron takes (plant/machines/induction.py). NaN if it takes something and the
+    recording lacks the machine's flux."""
+    machine = rec.meta.get("parameters", {}).get("machine", {})
+    hysteresis, eddy = (machine.get(k, 0.0) for k in ("iron_hysteresis_A_Wb", "iron_eddy_S"))
+    if not (hysteresis or eddy):
+        return 0.0
+    if not {"psi_alpha_Wb", "psi_beta_Wb", "speed_rpm"}.issubset(
+        name.removeprefix("plant.") for name in rec.channels
+    ):
+        return math.nan
+    omega = np.abs(channel(rec, "speed_rpm")) * (machine["pole_pairs"] * math.pi / 30)
+    flux2 = channel(rec, "psi_alpha_Wb") ** 2 + channel(rec, "psi_beta_Wb") ** 2
+    return float(np.mean(omega * (hysteresis + eddy * omega) * flux2))
+
+
 def bridge(rec: Recording, edges: Edges | None) -> dict[str, float]:
     """Figures of merit of the inverter, NaN if they cannot be told.
 
@@ -63,7 +79,7 @@ def balance(rec: Recording, inverter: dict[str, float]) -> dict[str, float]:
     cannot be told.
 
     input_W: from the dc link, V_dc I_dc and the switching losses; shaft_W: the torque's power less
-    the friction's; loss_W: the difference; efficiency_pct: the smaller over the larger power, if
+    the friction's and the iron's; loss_W: the difference; efficiency_pct: the smaller over the larger power, if
     both flow in the same direction. Losses of the inverter take part if the set-up states them.
     """
     values = rec.meta.get("parameters", {})
@@ -76,7 +92,8 @@ def balance(rec: Recording, inverter: dict[str, float]) -> dict[str, float]:
     input_W = vdc_V * inverter["idc_A"] + (0.0 if math.isnan(switching_W) else switching_W)
     speed_rad_s = channel(rec, "speed_rpm") * (math.pi / 30)
     friction_Nm = values.get("machine", {}).get("viscous_Nms", 0.0) * speed_rad_s
-    shaft_W = float(np.mean((channel(rec, "torque_Nm") - friction_Nm) * speed_rad_s))
+    torque_Nm = channel(rec, "torque_Nm") - friction_Nm
+    shaft_W = float(np.mean(torque_Nm * speed_rad_s)) - iron_loss_W(rec)
     less, more = sorted((input_W, shaft_W), key=abs)
     return {
         "input_W": input_W,

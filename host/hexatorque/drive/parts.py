@@ -13,6 +13,8 @@ from ..plant import load as loads
 from ..plant.inverter import DROPS, inverter_record, longest_step_s
 from ..plant.link import LINK_KEYS, charge, longest_link_step_s
 from ..plant.loop import TIMING
+from ..plant.machines import constants_of
+from ..plant.machines.induction import IRON_RAD_S
 from ..plant.pwm import PWM_MAP
 from ..plant.record import names_of, record
 from ..plant.sensors import sensors_record
@@ -98,12 +100,23 @@ def swing_per_s(setup: Setup, machine: np.record, flux_ref_Wb: float) -> float:
     return flux_Wb * math.sqrt(3 * float(machine.inv_l_max) / setup["machine.inertia_kgm2"])
 
 
+def friction_Nms(setup: Setup) -> float:
+    """Largest slope of the machine's own friction over speed, the torque of its iron included."""
+    viscous_Nms = setup["machine.viscous_Nms"]
+    if "iron_eddy_S" not in constants_of(setup["machine.model"]):
+        return viscous_Nms
+    pole_pairs, flux_Wb = setup["machine.pole_pairs"], float(setup.parameter("flux_ref_Wb"))
+    slope = setup["machine.iron_hysteresis_A_Wb"] / IRON_RAD_S
+    slope += setup["machine.iron_eddy_S"] * pole_pairs
+    return viscous_Nms + pole_pairs * slope * flux_Wb**2
+
+
 def shaft_step_s(setup: Setup, load: np.record, load_Nm: float, swing_per_s: float) -> float:
     """Longest step for the shaft. SetupError if it is so short that the simulation would take too
     long."""
     inertia_kgm2 = setup["machine.inertia_kgm2"]
-    at_rpm, viscous_Nms = setup["load.at_rpm"], setup["machine.viscous_Nms"]
-    step_s = float(loads.shaft_step_s(load, at_rpm, viscous_Nms, inertia_kgm2, swing_per_s))
+    at_rpm, slope_Nms = setup["load.at_rpm"], friction_Nms(setup)
+    step_s = float(loads.shaft_step_s(load, at_rpm, slope_Nms, inertia_kgm2, swing_per_s))
     if step_s < SHORTEST_STEP_S:
         raise SetupError(
             f"machine.inertia_kgm2 = {inertia_kgm2:g}: too small for a load of {load_Nm:g} N m of "

@@ -19,7 +19,7 @@ import numpy as np
 from .. import firmware, system
 from ..boards.tools import BuildError, program
 from ..chips import EXACT, SOURCES
-from ..drive.parts import SHORTEST_STEP_S
+from ..drive.parts import SHORTEST_STEP_S, friction_Nms
 from ..drive.simulated import SimulatedDrive
 from ..plant.breaks import breaks_of
 from ..plant.legs import KINDS, OPEN
@@ -96,7 +96,7 @@ def _plant(setup: Setup) -> dict[str, str]:
     numbers = {
         "LOAD_KIND": LOADS.index(setup["load.kind"]),
         "LOAD_AT_RPM": float(setup["load.at_rpm"]),
-        "VISCOUS_NMS": float(setup["machine.viscous_Nms"]),
+        "VISCOUS_NMS": friction_Nms(setup),
         "INERTIA_KGM2": float(setup["machine.inertia_kgm2"]),
         "SWING_PER_S": float(sim._swing_per_s),
         "WINDINGS_STEP_S": float(sim._windings_step_s),

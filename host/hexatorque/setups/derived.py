@@ -129,6 +129,9 @@ ALWAYS: dict[str, Rule] = {
     "rr_ohm": Rule("the machine's", lambda k: k.machine.rr_ohm),
     "lr_H": Rule("the machine's L_lr + L_m at the flux reference", lambda k: k.machine.lr_H),
     "lm_H": Rule("the machine's at the flux reference", lambda k: k.machine.lm_H),
+    "iron_hysteresis_A_Wb": Rule("the machine's", lambda k: k.machine.iron_hysteresis_A_Wb),
+    "iron_eddy_S": Rule("the machine's", lambda k: k.machine.iron_eddy_S),
+    "flux_reserve_Nm": Rule("half of rated torque", lambda k: 0.5 * k.rated_Nm),
     "dead_time_us": Rule("the inverter's", lambda k: k.setup["inverter.dead_time_us"]),
     "i_full_A": Rule("the sensors'", lambda k: k.setup["sensors.i_full_A"]),
     "vdc_full_V": Rule("the sensors'", lambda k: k.setup["sensors.vdc_full_V"]),
@@ -372,7 +375,10 @@ OPEN: dict[str, Rule] = {
 }
 
 #: Rules that a rotor with magnets has no use for.
-OF_A_WINDING = ("rr_ohm", "lr_H", "lm_H", "sigma_ls_H", "flux_hold")
+OF_A_WINDING = (
+    "rr_ohm", "lr_H", "lm_H", "sigma_ls_H", "flux_hold",
+    "iron_hysteresis_A_Wb", "iron_eddy_S", "flux_reserve_Nm",
+)  # fmt: skip
 
 #: What the controller is told of a machine with magnets.
 ALWAYS_MAGNET: dict[str, Rule] = {

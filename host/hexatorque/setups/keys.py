@@ -81,6 +81,16 @@ KEYS: dict[str, dict[str, Key]] = {
             "main flux that takes twice the unsaturated current, 0: linear", "Wb", 0, 100, 0.0
         ),
         "saturation_exponent": _n("how sharply the main flux saturates", "", 1, 20, 6.0),
+        "iron_hysteresis_A_Wb": _n(
+            "iron loss over flux squared and the rotor's electrical speed (W, Wb, rad/s): hysteresis",
+            "A/Wb",
+            0,
+            1e5,
+            0.0,
+        ),
+        "iron_eddy_S": _n(
+            "iron loss over the square of flux times that speed: eddy currents", "S", 0, 1e3, 0.0
+        ),
         "emf_share": Key(
             "harmonics",
             "harmonics 5, 7, 11, 13 of the voltage that the magnets induce, over the fundamental",

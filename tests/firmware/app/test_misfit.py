@@ -102,6 +102,10 @@ CASES = {
         {"ramp_down_rpm_s": 500.0, "ramp_jerk_rpm_s2": 250.0},
         "stop_s = 10 s, ramp_down_rpm_s = 500 r/min/s: allowed is 14 s and more: a stop from",
     ),
+    "LEAST_LOSS": (
+        {**MAGNET, "flux_least_loss": "on"},
+        "flux_least_loss = on, machine = magnet: with magnets it must be off: their flux has",
+    ),
 }
 
 

@@ -24,6 +24,7 @@ from hexatorque.to_c.types import INT, WORD, Array
 
 #: So that a course is short.
 SHORT = {"controller.calibration_s": 0.01, "controller.build_s": 0.1}
+IRON = {"machine.iron_hysteresis_A_Wb": 0.1, "machine.iron_eddy_S": 1e-3}
 DROPS = {
     "inverter.v_switch_V": 1.2,
     "inverter.v_diode_V": 1.0,
@@ -144,6 +145,7 @@ COURSES = {
         "fast": ("paper-b", BEARS, FAST),
         "fast, arc": ("paper-b", BEARS | ARC, FAST),
         "symmetrical": ("symmetrical", {}, run_and_stop),
+        "iron": ("paper-b", BEARS | IRON, OPEN),
         "link": ("paper-b", BEARS | LINK, OPEN),
         "link, inductance": ("paper-b", BEARS | LINK_H, brake_and_stop),
         "link, chopper": (

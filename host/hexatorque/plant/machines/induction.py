@@ -9,6 +9,12 @@ resistance and leakage may differ, which couples alpha-beta with x-y:
     T_e = 3 p L_m/L_r (psi_r x i_s)               (paper B, eqs. 2 to 5)
     J dw/dt = T_e - B w - T_load(w)
 
+The iron's loss, if it is given, is (k_h p|w| + k_e (p w)^2)|psi_s|^2: hysteresis grows with the
+frequency and eddy currents with its square (Bertotti, IEEE Trans. Magn. 24(1), 1988). The frequency is
+that of the rotor's turning, less than the flux's by the slip, and the shaft pays for the loss with
+a torque. So currents remain functions of the fluxes alone, and the drive sees the loss as the
+torque that it costs.
+
 Two isolated neutrals: zero-sequence currents do not exist. The torque is written
 with the rotor flux because that form also holds for an asymmetrical stator.
 Magnetics are linear unless `psi_knee_Wb` is set (saturation.py): then currents come
@@ -22,6 +28,7 @@ from numba.extending import overload
 
 from .. import machine
 from ..columns import add_columns
+from ..compiled import compiled
 from ..load import load_torque
 from ..machine import implements
 from ..record import record
@@ -50,7 +57,13 @@ _FIELDS = [
     ("i_excess", "f8", (6, 2)),  # phase currents from the excess flux
     ("inertia", "f8"),
     ("viscous", "f8"),
+    ("iron", "i8"),  # 0: no iron losses
+    ("hysteresis", "f8"),  # p k_h, N m/Wb^2
+    ("eddy", "f8"),  # p^2 k_e, N m s/Wb^2
 ]
+
+#: Speed over which the torque of the hysteresis changes sign, rad/s.
+IRON_RAD_S = 0.5
 
 #: A type for each kind of magnetics. Compiled code checks the type and not a value, so the option
 #: costs a linear machine no time. Neither type has all fields of the other. Otherwise a function
@@ -111,6 +124,9 @@ def make(p: Parameters) -> np.record:
         i_excess=i_phase[:, :2] + i_phase[:, 4:],
         inertia=p.inertia_kgm2,
         viscous=p.viscous_Nms,
+        iron=int(p.iron_hysteresis_A_Wb > 0 or p.iron_eddy_S > 0),
+        hysteresis=p.pole_pairs * p.iron_hysteresis_A_Wb,
+        eddy=p.pole_pairs**2 * p.iron_eddy_S,
     )
 
 
@@ -122,6 +138,13 @@ def initial(m: np.record) -> np.ndarray:
 def fastest_per_s(m: np.record) -> float:
     """Largest decay rate of the windings at standstill."""
     return float(np.abs(np.linalg.eigvals(m.slope[:, :6])).max())
+
+
+@compiled
+def iron_torque(m, y, omega):
+    """What the iron's loss takes of the torque."""
+    per_Wb2 = m.hysteresis * np.tanh(omega / IRON_RAD_S) + m.eddy * omega
+    return per_Wb2 * (y[0] * y[0] + y[1] * y[1])
 
 
 @implements(machine.derivative, "induction")
@@ -146,6 +169,8 @@ def derivative(m, load, y, v, k):
     torque = m.torque_gain * (y4 * i_beta - y5 * i_alpha)
     if saturates(m):
         torque -= 3.0 * m.pole_pairs * (s0 * i_beta - s1 * i_alpha)
+    if m.iron != 0:
+        torque -= iron_torque(m, y, omega)
     k[6] = (torque - m.viscous * omega - load_torque(load, omega)) / m.inertia
     k[7] = omega
 
@@ -244,9 +269,14 @@ def coast(m, load, y, dt, most_V):
     if 1.7321 * induced > most_V:
         return False
     # Heun's rule suffices for coasting: the speed hardly changes within a step.
+    # The flux is still that of the step before.
     k0 = -(m.viscous * y[6] + load_torque(load, y[6])) / m.inertia
+    if m.iron != 0:
+        k0 -= iron_torque(m, y, y[6]) / m.inertia
     end = y[6] + dt * k0
     k1 = -(m.viscous * end + load_torque(load, end)) / m.inertia
+    if m.iron != 0:
+        k1 -= iron_torque(m, y, end) / m.inertia
     end = y[6] + 0.5 * dt * (k0 + k1)
     mean = 0.5 * (y[6] + end)
     y[7] += dt * mean

@@ -27,6 +27,8 @@ class Parameters:
     dlls_H: tuple[float, ...] = field(default=(0.0,) * 6)  #: added per phase
     psi_knee_Wb: float = 0.0  #: main flux that takes twice the linear current; 0 = linear
     saturation_exponent: float = 6.0
+    iron_hysteresis_A_Wb: float = 0.0  #: iron loss over |psi_s|^2 p|w|; 0: none
+    iron_eddy_S: float = 0.0  #: iron loss over (|psi_s| p w)^2; 0: none
     leads: tuple[int, ...] = (1, 2, 3, 4, 5, 6)  #: phase on each leg, 1 is u1
     displacement_deg: float = 30.0  #: of set 2 from set 1, electrical
 
