@@ -20,7 +20,9 @@ from hexatorque.evidence.studies import (
     lost_phase,
     machines,
     robustness,
+    shortest_pulse,
     transients,
+    wrong_lxy,
 )
 from hexatorque.evidence.studies.grids import Grid
 
@@ -31,6 +33,8 @@ STUDIES = {
     "faults": ("protection.md", faults),
     "lost-phase": ("lost-phase.md", lost_phase),
     "arcs": ("lost-phase.md", arcs),
+    "wrong-lxy": ("lost-phase.md", wrong_lxy),
+    "shortest-pulse": ("protection.md", shortest_pulse),
     "machines": ("own-machine.md", machines),
     "transients": ("protection.md", transients),
     "commissioning": ("commissioning.md", commissioning),

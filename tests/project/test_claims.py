@@ -17,25 +17,32 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 
 
-def rows_of_claims() -> dict[str, str]:
+def rows_of_claims(text: str) -> dict[str, str]:
     """Page that a row links to first -> its claim."""
-    text = (ROOT / "README.md").read_text()
     table = text.split("| claim | measured |\n|---|---|\n")[1].split("\n\n")[0]
     found = {}
     for line in table.splitlines():
         claim, link = (cell.strip() for cell in line.strip("|").split(" | "))
-        found[re.search(r"\]\(docs/([\w-]+\.md#?[\w-]*)\)", link)[1]] = claim
+        page = re.search(r"\]\(docs/([\w-]+\.md#?[\w-]*)\)", link)[1]
+        assert page not in found, f"two claims link to {page}: only one would be tested"
+        found[page] = claim
     return found
 
 
-CLAIMS = rows_of_claims()
+README = (ROOT / "README.md").read_text()
+CLAIMS = rows_of_claims(README)
+#: Beyond twelve, README has digits.
+WORDS = (
+    *("one", "two", "three", "four", "five", "six"),
+    *("seven", "eight", "nine", "ten", "eleven", "twelve"),
+)
 
 
 def numbers(text: str) -> list[str]:
     """The numbers of a claim, in order. A name, such as Cortex-M4F, has none."""
     text = re.sub(r"Cortex-M\d\w?|16-bit|κ = \d", "", text)
-    words = {"one": "1", "two": "2", "three": "3", "four": "4"}
-    text = re.sub(r"\b(one|two|three|four)\b", lambda word: words[word[0]], text)
+    for number, word in enumerate(WORDS, 1):
+        text = re.sub(rf"\b{word}\b", str(number), text, flags=re.IGNORECASE)
     return re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", text)
 
 
@@ -136,6 +143,21 @@ EXPECTED = {
     "comparison.md": comparison,
     "results.md": papers,
 }
+
+
+def test_every_claim_has_a_source_and_every_source_a_claim():
+    assert list(CLAIMS) == list(EXPECTED)
+
+
+def test_no_claim_hides_behind_another():
+    """Of two rows that link to the same place, one would not be tested. So it is for a new row."""
+    begin = README.index("| claim | measured |")
+    row = "| Five of 7 drives fly. | [model](docs/{}) |\n"
+    after = README.index("\n\n", begin) + 1
+    with pytest.raises(AssertionError, match=r"two claims link to pil\.md"):
+        rows_of_claims(README[:after] + row.format("pil.md") + README[after:])
+    new = rows_of_claims(README[:after] + row.format("model.md") + README[after:])
+    assert numbers(new["model.md"]) == ["5", "7"] and list(new) != list(EXPECTED)
 
 
 @pytest.mark.parametrize("page", CLAIMS)

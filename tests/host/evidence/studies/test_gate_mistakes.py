@@ -6,7 +6,14 @@ import pytest
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.evidence.studies import arcs, commissioning, lost_phase, low_speed, transients
+from hexatorque.evidence.studies import (
+    arcs,
+    commissioning,
+    lost_phase,
+    low_speed,
+    transients,
+    wrong_lxy,
+)
 from hexatorque.experiments.acceptance import accept
 from hexatorque.experiments.operating_points import NotReached
 
@@ -25,6 +32,11 @@ def of_arcs():
     row = {"campaign": "stops", **asdict(arcs.run(arcs.Case(30_000, "db-dtfc", "u1")))}
     rights = [{**row, "outcome": "right", "error": ""}] * 999  # one more is within what is allowed
     return arcs.failures({"rows": [row, *rights]})
+
+
+def of_wrong_lxy():
+    case = wrong_lxy.Case(50_000, 1.0, "db-dtfc", "u1", "open")
+    return wrong_lxy.failures({"rows": [asdict(wrong_lxy.run(case))]})
 
 
 def of_low_speed():
@@ -46,6 +58,7 @@ def of_commissioning():
 CAMPAIGNS = {
     **{f"lost phases, {name}": (of_lost_phases, name) for name in lost_phase.RUN},
     "arcs": (of_arcs,),
+    "wrong L_xy": (of_wrong_lxy,),
     "low speed": (of_low_speed,),
     "transients": (of_transients,),
     "commissioning": (of_commissioning,),
