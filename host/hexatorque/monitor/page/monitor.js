@@ -1,17 +1,18 @@
-// The page: it gets the drive's data as server-sent events and sends commands by POST.
+// The page: it shows what it hears of the drive, and sends commands.
 
-import { Analysis } from "/analysis.js";
-import { $, ask, make, order, toast } from "/asking.js";
-import { Bins } from "/bins.js";
-import { commissioning, fetchCourse, guide, tick } from "/commission.js";
-import { levels } from "/limits.js";
-import { decode, parse, show } from "/numbers.js";
-import { Overlay, samplesOf } from "/overlay.js";
+import { Analysis } from "./analysis.js";
+import { $, make, order, toast } from "./asking.js";
+import { ask, listen as listenTo } from "./backend.js";
+import { Bins } from "./bins.js";
+import { commissioning, fetchCourse, guide, tick } from "./commission.js";
+import { levels } from "./limits.js";
+import { decode, parse, show } from "./numbers.js";
+import { Overlay, samplesOf } from "./overlay.js";
 import {
   NUMBER, asText, asValue, editor, fetchValues, lockParameters, mistake, parameters, values, write,
-} from "/parameters.js";
-import { sets } from "/sets.js";
-import { Stack } from "/stack.js";
+} from "./parameters.js";
+import { sets } from "./sets.js";
+import { Stack } from "./stack.js";
 
 const WINDOWS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
 const RATES_HZ = [200, 500, 1000, 2000, 2500, 5000, 10000];
@@ -29,7 +30,7 @@ const FIGURES = [["speed_rpm", "speed"], ["torque_Nm", "torque"], ["vdc_V", "dc 
 
 let device = null;
 let status = null;
-let events = null;
+let stopListening = null;
 let heard_ms = 0;
 let answered_ms = 0;
 let answering = false;
@@ -117,20 +118,18 @@ function capturePart(from_s, to_s) {
 }
 
 function listen() {
-  events?.close();
+  stopListening?.();
   anew = true;
   const bins = Math.max(200, Math.min(4000, Math.round($("plots").clientWidth) || 900));
-  events = new EventSource(`/events?window_s=${live.window_s}&bins=${bins}`);
-  events.onmessage = (event) => {
+  stopListening = listenTo(`window_s=${live.window_s}&bins=${bins}`, (frame) => {
     heard_ms = performance.now();
-    const frame = JSON.parse(event.data);
     if (frame.status) {
       hear(frame.status);
       newest(frame.newest ?? null, frame.mean ?? null);
     }
     if (frame.bins && !paused) take(frame.bins);
     if (frame.sent_s) answer(frame.page, frame.sent_s);
-  };
+  });
 }
 
 /** Tell the monitor that this script runs and has shown a frame. If no page answers, the monitor

@@ -1,7 +1,8 @@
 // Sets of parameters: files on this computer, comparisons, the board's own memory.
 
-import { $, ask, make, order, toast } from "/asking.js";
-import { breakable, fill, shortest } from "/parameters.js";
+import { $, make, order, toast } from "./asking.js";
+import { ask } from "./backend.js";
+import { breakable, fill, shortest } from "./parameters.js";
 
 /** Largest file that is read. One of all parameters has a tenth of it. */
 const BYTES = 50000;
@@ -24,7 +25,7 @@ export function sets() {
   const row = (title, ...buttons) => make("div", { className: "set" },
     make("span", { className: "hint", textContent: title }), make("span", {}, ...buttons));
   const save = make("a", {
-    className: "button", id: "set-save", href: "/parameters.toml", textContent: "Save", download: "",
+    className: "button", id: "set-save", href: "parameters.toml", textContent: "Save", download: "",
     title: "all parameters that are in force, as hexatorque board params save",
   });
   $("sets").append(
