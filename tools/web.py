@@ -19,6 +19,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,14 +34,13 @@ from hexatorque.monitor import described
 from hexatorque.monitor.monitored_drive import CHANNELS
 from hexatorque.monitor.traces import FRESH_S, HISTORY_S, HISTORY_VALUES, MEAN_S
 from hexatorque.plant.breaks import breaks_of
-from hexatorque.plant.legs import BOUNCE, KINDS
+from hexatorque.plant.legs import KINDS
 from hexatorque.plant.load_kinds import LOADS
-from hexatorque.plant.machines import model
 from hexatorque.plant.vsd import PHASES
 from hexatorque.recording.recording import FORMAT
 from hexatorque.results import RESULTS
 from hexatorque.serial.wire import ChannelRow, FaultRow
-from hexatorque.setups import Setup, SetupError, parameters
+from hexatorque.setups import SetupError, parameters
 from hexatorque.to_c import plant
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -50,13 +50,15 @@ PAGE = ROOT / "host" / "hexatorque" / "monitor" / "page"
 FOLDERS = ("core", "app", "port", "port/c2000", "port/host")
 LINK = ("ht_burst.c", "ht_octets.c", "ht_packet.c", "ht_streams.c")
 COMPILER = [sys.executable, "-m", "ziglang", "cc", "-target", "wasm32-wasi"]
-OPTIONS = ["-mexec-model=reactor", "-O2", *EXACT, "-s", "-Wl,-z,stack-size=262144"]
+OPTIONS = ["-mexec-model=reactor", "-Os", *EXACT, "-s", "-Wl,-z,stack-size=262144"]
 #: Largest size of the page as a server sends it.
 MOST_BYTES = 150_000
+#: What the page of `make web` and of the site holds.
+SETUPS = ("paper-b", "paper-a", "small-2kw", "large-110kw", "symmetrical")
+#: Room for the name of a register (HT_REGFILE_LINE).
+LINE = 64
 #: Edges of a contact that opens, as many as ht_web.c has room for.
 MOST_OPENS = 8
-#: Members of ht_web.c's `web_setup` that are records.
-RECORDS = ("machine", "inverter", "sensors", "timing", "map", "pwm", "gates")
 
 
 class Held:
@@ -110,13 +112,10 @@ class Held:
     def described(self) -> dict:
         device = self.setup["timing.device"]
         every, here = firmware.parameters(), firmware.parameters(device)
-        summary = self.setup.summary()
-        summary.pop("controller", None)
         return {
             "name": self.name,
             "title": self.setup.title,
             "device": device,
-            "summary": summary,
             "ranges": {
                 name: [row.min, row.max]
                 for name, row in here.items()
@@ -125,13 +124,8 @@ class Held:
         }
 
 
-def held(names: list[str]) -> list[Held]:
-    """The set-ups of these names or files; without any, the built-in ones of the first one's
-    model. SetupError if the page cannot hold one."""
-    if not names:
-        every = setups.builtin_names()
-        first = model_of("paper-b")
-        names = ["paper-b", *(n for n in every if n != "paper-b" and model_of(n) == first)]
+def held(names: Sequence[str]) -> list[Held]:
+    """The set-ups of these names or files. SetupError if the page cannot hold one."""
     found = [Held(name) for name in names]
     for one in found:
         kind = one.sim._machine.dtype
@@ -143,10 +137,6 @@ def held(names: list[str]) -> list[Held]:
         if len(breaks_of("open", 0.0, 1e-3 * one.setup["inverter.bounce_ms"])) > MOST_OPENS:
             raise SetupError(f"{one.name}: inverter.bounce_ms: too many edges of a contact")
     return found
-
-
-def model_of(name: str) -> str:
-    return setups.load(name)["machine.model"]
 
 
 def misfits() -> list[dict | None]:
@@ -219,7 +209,33 @@ def module(of: Held) -> bytes:
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode:
             raise InputError(f"zig failed:\n{done.stderr.strip()}")
-        return output.read_bytes()
+        return without_texts(output.read_bytes())
+
+
+def texts_for_people() -> list[str]:
+    """Texts in the module that nothing in it reads: names, helps, what registers are. The scripts
+    have them from the tables. The choices of a parameter are read."""
+    files = [p for f in FOLDERS for p in (SOURCES / f).iterdir() if p.suffix in (".c", ".def")]
+    code = "\n".join(path.read_text(encoding="utf-8") for path in sorted(files))
+    literals = [m[0] for m in re.finditer(r'(?:"[^"\n]*"\s*)+', code)]
+    found = {"".join(re.findall(r'"([^"]*)"', literal)) for literal in literals}
+    found |= {*firmware.parameters(), *(name for name, _ in firmware.channels())}
+    for device in firmware.DEVICES:
+        chip = ffi.new("ht_regfile *")
+        lib.ht_regfile_reset(chip, firmware.board_of(device).map)
+        line = ffi.new("char[]", LINE)
+        for number in range(chip.bound_count):
+            lib.ht_regfile_name(chip, lib.ht_regfile_address(chip, number), line)
+            found |= set(ffi.string(line).decode().split("."))
+    return sorted(text for text in found if len(text) > 3 and "|" not in text)
+
+
+def without_texts(wasm: bytes) -> bytes:
+    """The module with zeros in their places: packed, it is a seventh smaller."""
+    for text in texts_for_people():
+        whole = b"\0" + text.encode() + b"\0"
+        wasm = wasm.replace(whole, bytes(len(whole)))
+    return wasm
 
 
 # --- one script of many --------------------------------------------------------------------
@@ -245,7 +261,7 @@ def bundle(entry: Path, replaced: dict[str, Path | str]) -> str:
             return f"const {{{match[1].replace(' as ', ': ')}}} = {_module(name)};"
 
         text = re.sub(r'^import \{([^}]*)\} from "\./([\w.]+)";$', imported, text, flags=re.M)
-        given = re.findall(r"^export (?:async )?(?:const|class|function) (\w+)", text, re.M)
+        given = re.findall(r"^export (?:async )?(?:const|class|function) ([\w$]+)", text, re.M)
         text = re.sub(r"^export ", "", text, flags=re.M)
         if left := re.search(r"^(import|export)\b.*", text, re.M):
             raise ValueError(f"{path.name}: the bundle does not know {left[0]!r}")
@@ -262,8 +278,8 @@ def _module(name: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """A script without comments that have a line of their own, and without indentation."""
-    lines = [line.strip() for line in text.splitlines()]
+    """A script without comments and indentation. A comment behind code has no quotes."""
+    lines = [re.sub(r"""\s+// [^"'`]*$""", "", line).strip() for line in text.splitlines()]
     kept, comment = [], False
     for line in lines:
         comment = comment or line.startswith("/**")
@@ -285,9 +301,12 @@ def page(wasm: bytes, blobs: list[bytes], texts: dict) -> str:
         "analyst": _plain(bundle(PAGE / "analyst.js", {})),
     }
     given = f"export const data = {json.dumps(data, separators=(',', ':'))};"
-    script = bundle(
-        PAGE / "monitor.js", {"backend.js": WEB / "backend.js", "data.js": given}
-    )
+    instead = {
+        "backend.js": WEB / "backend.js",
+        "commission.js": WEB / "commission.js",
+        "data.js": given,
+    }
+    script = bundle(PAGE / "monitor.js", instead)
     html = (PAGE / "index.html").read_text(encoding="utf-8")
 
     def inlined(match: re.Match) -> str:
@@ -306,7 +325,7 @@ def page(wasm: bytes, blobs: list[bytes], texts: dict) -> str:
     return html.replace("</body>", f"<script>{safe}</script>\n</body>")
 
 
-def build(folder: Path, names: list[str]) -> Path:
+def build(folder: Path, names: Sequence[str]) -> Path:
     """Write the page and its parts. InputError if it is not possible."""
     if importlib.util.find_spec("ziglang") is None:
         raise InputError("web: no compiler for it here: pip install ziglang, or make web")
@@ -331,7 +350,7 @@ def build(folder: Path, names: list[str]) -> Path:
 def main() -> None:
     parser = argparse.ArgumentParser(description="the drive in a browser, as one page")
     parser.add_argument("-o", "--out", type=Path, default=ROOT / "build" / "web")
-    parser.add_argument("setup", nargs="*", help="names or files of set-ups")
+    parser.add_argument("setup", nargs="*", default=SETUPS, help="names or files of set-ups")
     given = parser.parse_args()
     try:
         build(given.out, given.setup)

@@ -190,7 +190,7 @@ export class Board {
     return {
       hexatorque: this.tables.version, started: this.began.toISOString(), setup: drive.setup.name,
       title: drive.setup.title, scheme: drive.get("scheme"), state: drive.state, faults: drive.faults,
-      parameters: { ...drive.setup.summary, controller: drive.values() },
+      parameters: { controller: drive.values() },
       first_tick, decimation, tick_Hz: this.f_isr_Hz, gaps: 0, lost_samples: 0, damaged_samples: 0, ...more,
     };
   }

@@ -8,7 +8,7 @@ let refused = "";
 
 function begin({ module, tables, bytes, setup, kept }) {
   try {
-    board = new Board(module, tables, bytes, setup, kept, postMessage);
+    board = new Board(module, tables, bytes, setup, kept, (message) => postMessage(message));
   } catch (error) {
     refused = error.message;
     return;

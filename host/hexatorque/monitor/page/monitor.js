@@ -11,6 +11,7 @@ import { Overlay, samplesOf } from "./overlay.js";
 import {
   NUMBER, asText, asValue, editor, fetchValues, lockParameters, mistake, parameters, values, write,
 } from "./parameters.js";
+import { plant } from "./plant.js";
 import { sets } from "./sets.js";
 import { Stack } from "./stack.js";
 
@@ -26,6 +27,8 @@ const ANSWER_MS = 200;
 //: If the monitor sends nothing for this long, the numbers go blank and an alarm is shown.
 const STALE_MS = 1000;
 const SILENT_MS = 1500;
+//: What the last line says of a drive that the page itself holds: there is no link.
+const HERE = ["time", "samples", "busy"];
 const FIGURES = [["speed_rpm", "speed"], ["torque_Nm", "torque"], ["vdc_V", "dc link"]];
 
 let device = null;
@@ -408,7 +411,8 @@ function linkTable(now) {
     ["board damaged", board, `${now.board_damaged} damaged frames, ${now.board_overruns} overruns of its receiver`, board],
     ["board dropped", now.board_dropped, "samples for which the line had no room", now.board_dropped],
     ["pages", now.pages, "that show this drive"],
-  ];
+    ...(device.plant ? [["busy", `${show(100 * now.busy, 2)} %`, "of its time this page computes"]] : []),
+  ].filter(([name]) => !device.plant || HERE.includes(name));
   const list = $("link");
   if (list.children.length !== rows.length) {
     list.replaceChildren(...rows.map(([name]) => make("div", {}, make("dt", { textContent: name }), make("dd"))));
@@ -426,8 +430,8 @@ function linkTable(now) {
 function record(now) {
   $("record").setAttribute("aria-pressed", String(Boolean(now)));
   $("record").lastChild.textContent = now ? `${now.seconds.toFixed(1)} s` : "Record";
-  $("record").title = now ? now.file : `record the traces to a file on this computer`;
-  $("suffix").hidden = Boolean(now);
+  $("record").title = now ? now.file : "record the traces to a file on this computer";
+  $("suffix").hidden = Boolean(now || device.plant);
 }
 
 function figures(sample) {
@@ -570,9 +574,9 @@ function quick() {
     $("quick").append(box);
   }
   $("quick").append(make("p", { className: "hint", textContent:
-    `Enter applies. Esc stops, anywhere; so does space while the drive works. ` +
-    `A drive that was started from here stops when no page has answered for ${device.silent_s} s, ` +
-    `or when all pages have been hidden for ${device.hidden_s} s.` }));
+    "Enter applies. Esc stops, anywhere; so does space while the drive works." + (device.plant ? "" :
+      ` A drive that was started from here stops when no page has answered for ${device.silent_s} s, ` +
+      `or when all pages have been hidden for ${device.hidden_s} s.`) }));
 }
 
 // -- burst capture -----------------------------------------------------------------------
@@ -808,10 +812,12 @@ async function begin() {
   $("reset").lastChild.addEventListener("click", () => order("/reset/seen"));
   quick();
   parameters(device, showQuick);
-  sets();
+  sets(Boolean(device.plant));
   channels();
   capture();
-  commissioning(device, stop);
+  if (device.steps.length) commissioning(device, stop);
+  else $("see-guide").hidden = true;
+  if (device.plant) plant(device.plant);
   tools();
   listen();
   setInterval(alarm, 250);

@@ -7,8 +7,9 @@ import { breakable, fill, shortest } from "./parameters.js";
 /** Largest file that is read. One of all parameters has a tenth of it. */
 const BYTES = 50000;
 
-/** Make the buttons. The hidden input opens the browser's choice of a file. */
-export function sets() {
+/** Make the buttons. The hidden input opens the browser's choice of a file. here: the page holds the
+ * drive itself, and reads no file. */
+export function sets(here) {
   const input = make("input", { type: "file", accept: ".toml", hidden: true, id: "set-file" });
   let use = load;
   input.addEventListener("change", async () => {
@@ -41,6 +42,7 @@ export function sets() {
       button("set-forget", "Forget", "the board starts with its built-in parameters from now on; gates off only",
         () => memory("/parameters/forget", "forgotten: the board starts with its built-in parameters from now on"))),
     input, make("div", { id: "set-wrong", role: "alert", hidden: true }));
+  if (here) for (const id of ["set-load", "set-compare"]) $(id).remove();
 }
 
 /** Do something with a file, and show what is wrong with it. */
