@@ -54,7 +54,7 @@ OPTIONS = ["-mexec-model=reactor", "-Os", *EXACT, "-s", "-Wl,-z,stack-size=26214
 #: Largest size of the page as a server sends it.
 MOST_BYTES = 150_000
 #: What the page of `make web` and of the site holds.
-SETUPS = ("paper-b", "paper-a", "small-2kw", "large-110kw", "symmetrical")
+SETUPS = ("paper-b", "paper-a", "small-2kw", "symmetrical")
 #: Room for the name of a register (HT_REGFILE_LINE).
 LINE = 64
 #: Edges of a contact that opens, as many as ht_web.c has room for.
@@ -168,12 +168,13 @@ def tables(of: list[Held]) -> dict:
         FaultRow(row.bit, ffi.string(row.name).decode(), ffi.string(row.help).decode())
         for row in rows
     ]
+    device = described.tables(firmware.parameters(), channels, faults, list(firmware.STATES))
+    for row in device["faults"]:
+        del row["help"]  # the page shows names
     return {
         "version": __version__,
         "format": FORMAT,
-        "device": described.tables(
-            firmware.parameters(), channels, faults, list(firmware.STATES)
-        ),
+        "device": device,
         "at_work": [state.at_work for state in firmware.STATE_TABLE],
         "idle": firmware.IDLE,
         "fault": firmware.FAULT,
@@ -277,6 +278,12 @@ def _module(name: str) -> str:
     return "m_" + re.sub(r"\W", "_", name.removesuffix(".js"))
 
 
+def _dense(text: str) -> str:
+    """HTML or CSS without indentation and without CSS's comments."""
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+    return "\n".join(line.strip() for line in text.splitlines() if line.strip())
+
+
 def _plain(text: str) -> str:
     """A script without comments and indentation. A comment behind code has no quotes."""
     lines = [re.sub(r"""\s+// [^"'`]*$""", "", line).strip() for line in text.splitlines()]
@@ -307,13 +314,13 @@ def page(wasm: bytes, blobs: list[bytes], texts: dict) -> str:
         "data.js": given,
     }
     script = bundle(PAGE / "monitor.js", instead)
-    html = (PAGE / "index.html").read_text(encoding="utf-8")
+    html = _dense((PAGE / "index.html").read_text(encoding="utf-8"))
 
     def inlined(match: re.Match) -> str:
         target = match[1]
         text = (PAGE / target).read_text(encoding="utf-8")
         if target.endswith(".css"):
-            return f"<style>{text}</style>"
+            return f"<style>{_dense(text)}</style>"
         return f"<script>{text}</script>"
 
     html = re.sub(r'<link rel="stylesheet" href="([^"]+)">', inlined, html)

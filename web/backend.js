@@ -84,6 +84,9 @@ export async function ask(path, body) {
   return "found" in answer ? answer.found : answer;
 }
 
+/** For scripts in the browser's console. */
+globalThis.hexatorque = { ask };
+
 export function listen(query, hear) {
   heard = hear;
   ask("/listen", Object.fromEntries(new URLSearchParams(query)));

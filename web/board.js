@@ -34,7 +34,8 @@ export class Board {
   /** send(message): to the page. The others as Drive has them. */
   constructor(module, tables, bytes, setup, kept, send) {
     this.tables = tables;
-    this.drive = new Drive(module, tables, bytes, placeOf(tables, setup), kept);
+    this.make = (name, memory) => new Drive(module, tables, bytes, placeOf(tables, name), memory);
+    this.drive = this.make(setup, kept);
     this.send = send;
     this.began = new Date();
     this.values = this.drive.values();
@@ -403,6 +404,28 @@ const REQUESTS = {
     const { file } = board.recorded;
     board.give([board.recording()]);
     return { file };
+  },
+  /** A drive of its own over a course: [period, method of Drive, ...its arguments] in order. All its
+   * channels, and how long it took. */
+  "/course"(board, { setup, periods, course }) {
+    const drive = board.make(setup);
+    const all = new Float32Array(periods * drive.width);
+    let done = 0;
+    const pass = (until) => {
+      while (done < until) {
+        const n = Math.min(until - done, MOST_PERIODS);
+        all.set(drive.run(n), done * drive.width);
+        done += n;
+      }
+    };
+    const began_ms = performance.now();
+    for (const [at, act, ...given] of course) {
+      pass(at);
+      drive[act](...given);
+    }
+    pass(periods);
+    const took_s = (performance.now() - began_ms) / 1e3;
+    return { rows: encode(all), took_s, time_s: drive.time_s, violations: drive.c.web_violations() };
   },
   "/plant"(board, { load_Nm, open }) {
     if (load_Nm !== undefined) {
