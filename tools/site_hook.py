@@ -17,6 +17,7 @@ import importlib
 import inspect
 import os
 import re
+import sys
 import time
 import tomllib
 from collections.abc import Sequence
@@ -181,6 +182,7 @@ def data_page(path: Path) -> str:
 
 def live_page() -> str:
     """The page of tools/web.py."""
+    sys.path.insert(0, str(ROOT / "tools"))
     import web
 
     folder = ROOT / "build" / "web"
@@ -190,7 +192,10 @@ def live_page() -> str:
 def live_frame(home: str) -> str:
     """The home page with the drive below its title."""
     title, rest = home.split("\n", 1)
-    frame = f'<iframe class="live" src="{LIVE}" title="a drive that runs in this page" loading="lazy"></iframe>'
+    frame = (
+        f'<iframe class="live" src="{LIVE}" title="a drive that runs in this page" loading="lazy">'
+        "</iframe>"
+    )
     return f"{title}\n\n{frame}\n{rest}"
 
 

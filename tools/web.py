@@ -1,8 +1,8 @@
 """The drive in a browser, one page in one file: `python tools/web.py [-o FOLDER] [SETUP ...]`.
 
-The firmware, its register model and the plant become a module of WebAssembly (web/ht_web.c). The page
-is the monitor's, with web/backend.js in the place of its way to a server. Beside drive.html the folder
-has what it is made of, for tests: drive.wasm, setups.bin, tables.json.
+The firmware, its register model and the plant become a module of WebAssembly (web/ht_web.c). The
+page is the monitor's, with web/backend.js in the place of its way to a server. Beside drive.html
+the folder has what it is made of, for tests: drive.wasm, setups.bin, tables.json.
 
 All set-ups have machines of the same model: the plant is translated for one.
 """
@@ -19,7 +19,7 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -242,7 +242,7 @@ def without_texts(wasm: bytes) -> bytes:
 # --- one script of many --------------------------------------------------------------------
 
 
-def bundle(entry: Path, replaced: dict[str, Path | str]) -> str:
+def bundle(entry: Path, replaced: Mapping[str, Path | str]) -> str:
     """A script and all that it imports as one that imports nothing, which runs from the disk, too.
     replaced: name of a module -> the file or text that stands in its place."""
     made: list[str] = []
@@ -267,7 +267,8 @@ def bundle(entry: Path, replaced: dict[str, Path | str]) -> str:
         if left := re.search(r"^(import|export)\b.*", text, re.M):
             raise ValueError(f"{path.name}: the bundle does not know {left[0]!r}")
         made.append(
-            f"const {_module(path.name)} = (() => {{\n{text}\nreturn {{ {', '.join(given)} }};\n}})();"
+            f"const {_module(path.name)} = (() => {{\n{text}\n"
+            f"return {{ {', '.join(given)} }};\n}})();"
         )
 
     add(entry)
@@ -308,7 +309,7 @@ def page(wasm: bytes, blobs: list[bytes], texts: dict) -> str:
         "analyst": _plain(bundle(PAGE / "analyst.js", {})),
     }
     given = f"export const data = {json.dumps(data, separators=(',', ':'))};"
-    instead = {
+    instead: dict[str, Path | str] = {
         "backend.js": WEB / "backend.js",
         "commission.js": WEB / "commission.js",
         "data.js": given,
@@ -325,7 +326,9 @@ def page(wasm: bytes, blobs: list[bytes], texts: dict) -> str:
 
     html = re.sub(r'<link rel="stylesheet" href="([^"]+)">', inlined, html)
     html = re.sub(r'<script defer src="([^"]+)"></script>', inlined, html)
-    icon = "data:image/svg+xml;base64," + base64.b64encode((PAGE / "icon.svg").read_bytes()).decode()
+    icon = (
+        "data:image/svg+xml;base64," + base64.b64encode((PAGE / "icon.svg").read_bytes()).decode()
+    )
     html = html.replace('"icon.svg"', f'"{icon}"')
     safe = _plain(script).replace("</", "<\\/")
     html = re.sub(r'<script type="module" src="monitor\.js"></script>\n', "", html)

@@ -212,7 +212,8 @@ int32_t API(web_run)(int32_t n, int32_t faults_channel)
     samples.channels.at = w.channels;
     samples.channels.rows = n;
     samples.channels.columns = ht_channel_count();
-    longest = (int64_t)(fmin(w.now.windings_step_s, longest_step_s(&w.load)) * w.now.timing.clock_Hz);
+    longest =
+        (int64_t)(fmin(w.now.windings_step_s, longest_step_s(&w.load)) * w.now.timing.clock_Hz);
     w.now.timing.max_step = (longest > 1) ? longest : 1;
     (void)plant_run_periods(n, w.periods, &w.now.timing, &plant, w.now.vdc_V, &chip, fast, slow,
                             read_channels, &samples, 0, &failed);
@@ -273,7 +274,8 @@ int32_t API(web_open)(int32_t leg, int32_t open)
         return 0;
     }
     for (k = 0; k < rows; k++) {
-        int64_t counts = (open != 0) ? (int64_t)nearbyint(w.now.opens_s[k] * w.now.timing.clock_Hz) : 0;
+        int64_t counts = (open != 0) ? (int64_t)nearbyint(w.now.opens_s[k] * w.now.timing.clock_Hz)
+                                     : 0;
         coming->period[coming->n] = w.periods + counts / w.now.timing.period;
         coming->count[coming->n] = counts % w.now.timing.period;
         coming->leg[coming->n] = leg;

@@ -247,7 +247,9 @@ def test_run_record_plot(page, tmp_path):
     page.key("Enter", "Enter", "\r")
     page.type("#plant-load", "0.5")
     page.key("Enter", "Enter", "\r")
-    page.until("Math.abs(Number(document.querySelector('[data-figure=torque_Nm]').textContent)) > .3")
+    page.until(
+        "Math.abs(Number(document.querySelector('[data-figure=torque_Nm]').textContent)) > .3"
+    )
     page.click("#record")
     page.until("document.querySelector('#record').textContent.startsWith('1')")
     page.click("#record")
