@@ -194,7 +194,7 @@ def live_frame(home: str) -> str:
     title, rest = home.split("\n", 1)
     frame = (
         f'<iframe class="live" src="{LIVE}" title="a drive that runs in this page" loading="lazy">'
-        "</iframe>"
+        f'</iframe>\n<p><a href="{LIVE}">The drive on a page of its own</a></p>'
     )
     return f"{title}\n\n{frame}\n{rest}"
 

@@ -1,5 +1,5 @@
-"""The drive in a browser: the channels that the simulation has, in node and in Chromium, and the page
-used as a user does."""
+"""The drive in a browser: the channels that the simulation has, in node and in Chromium, and the
+page used as a user does."""
 
 import base64
 import gzip
@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import web
 from chromium import Chromium, program
 from waiting import until
 
+import web
 from hexatorque import load
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.recording.recording import Recording
@@ -100,9 +100,13 @@ const board = new Board(new WebAssembly.Module(read("drive.wasm")), JSON.parse(r
   new Uint8Array(read("setups.bin")), "", null, () => {});
 for (const line of fs.readFileSync(given, "utf8").split("\\n").filter(Boolean)) {
   const [path, body] = JSON.parse(line);
-  let answer;
-  try { answer = { answer: board.ask(path, body) }; } catch (error) { answer = { error: error.message }; }
-  console.log(JSON.stringify(answer));
+  let said;
+  try {
+    said = { answer: board.ask(path, body) };
+  } catch (error) {
+    said = { error: error.message };
+  }
+  console.log(JSON.stringify(said));
 }
 """
 
