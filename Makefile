@@ -12,6 +12,7 @@
 #   make bench-peers   two other simulators of drives beside this one, in an environment of their own
 #   make dist          sdist and wheels of all systems, made and checked, in dist/
 #   make docs          the documentation as a site, in build/site
+#   make web           the drive in a browser, one page: build/web/drive.html
 #   make lint          formatting and static checks
 #   make format        format Python and C
 #   make fuzz          fuzz the link, FUZZ_S seconds per target (clang 19); the corpus stays as it is
@@ -31,7 +32,7 @@ SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.s
   pyproject.toml CMakeLists.txt tools/setup.sh
 C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 # All C that is written by hand. Its format is in .clang-format.
-C_FORMATTED := $(shell find firmware tests/c tests/prove tests/windows tools -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
+C_FORMATTED := $(shell find firmware tests/c tests/prove tests/windows tools web -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
 JOBS ?= 2
 WAITING ?= 4
 FUZZ_S ?= 120
@@ -39,11 +40,11 @@ MUTANTS ?= 1000
 MUTANTS_PYTHON ?= 600
 
 .PHONY: help demo papers papers-quick test test-computes test-waits test-quick test-c test-targets \
-  test-fresh test-windows dist budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs lint format check-c clean
+  test-fresh test-windows dist budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs web lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,23s/^# \{0,1\}//p' Makefile
+	@sed -n '3,24s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -194,10 +195,15 @@ test-windows: $(VENV)/.installed
 	HT_WINDOWS=1 $(BIN)/python -m pytest -o cache_dir=build/pytest/windows tests/windows
 
 # A broken link is an error. Missing tools are installed first.
+docs-tools = $(BIN)/python -c 'import latex2mathml, material, mkdocstrings, nbclient, ziglang' 2>/dev/null || \
+  HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}docs tools/setup.sh $(VENV)
 docs: $(VENV)/.installed
-	@$(BIN)/python -c 'import latex2mathml, material, mkdocstrings, nbclient' 2>/dev/null || \
-	  HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}docs tools/setup.sh $(VENV)
+	@$(docs-tools)
 	@echo "building the documentation: half a minute"; NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo "the documentation: build/site/index.html"
+
+web: $(VENV)/.installed
+	@$(docs-tools)
+	$(BIN)/python tools/web.py
 
 # This needs only the tools and not the installed package, so it is quick enough for every commit.
 $(BIN)/ruff $(BIN)/clang-format $(BIN)/mypy:

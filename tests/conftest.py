@@ -60,6 +60,7 @@ TARGET = (
     "project/test_c2000_build.py",
     "project/test_check_c.py",
     "project/test_rules.py",
+    "web/test_web.py",
 )
 SLOW = (
     "firmware/core/test_modulator.py",

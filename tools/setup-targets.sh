@@ -1,6 +1,6 @@
 #!/bin/sh
 # Install missing tools: the targets' cross compilers and emulators, the second compiler for the
-# static checks, the browser for the monitor's tests, and what makes a fresh Debian.
+# static checks, the browser and node for the tests of the pages, and what makes a fresh Debian.
 # For Debian and Ubuntu; needs root. `make test-targets` names missing tools and installs nothing.
 set -eu
 
@@ -13,6 +13,7 @@ need qemu-system-arm "qemu-system-arm"
 need avr-gcc "gcc-avr avr-libc"
 need clang "clang"
 need chromium "chromium"
+need node "nodejs"
 need debootstrap "debootstrap"
 need simavr/sim_avr.h "libsimavr-dev libelf-dev"
 if [ -n "$missing" ]; then

@@ -4,6 +4,7 @@
 - Pages from the program itself: commands, Python names, parameters, channels, faults.
 - Pages from the data beside the pages: each docs/data/NAME.csv is a table on a page of its own.
 - The gallery: the scenarios and scripts in examples/, and its notebooks, executed.
+- The drive in a browser, `live.html`, which the home page shows.
 - Equations: a block ```math becomes MathML, which browsers draw without a script.
 - A link out of docs/ (to code) becomes the file's path: the site holds pages only.
 """
@@ -16,6 +17,7 @@ import importlib
 import inspect
 import os
 import re
+import sys
 import time
 import tomllib
 from collections.abc import Sequence
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
 DATA = ROOT / "docs" / "data"
+#: The page with the drive.
+LIVE = "live.html"
 TELL_S = 2.5
 #: Page of the site -> file at the root.
 FROM_ROOT = {
@@ -91,8 +95,10 @@ def on_files(files, config):
     pages |= {f"data/{path.stem}.md": data_page(path) for path in DATA.glob("*.csv")}
     gallery, pictures = gallery_page()
     pages["gallery.md"] = gallery
+    pages["index.md"] = live_frame(pages["index.md"])
     for name, content in (pages | pictures).items():
         files.append(File.generated(config, name, content=content))
+    files.append(File.generated(config, LIVE, content=live_page()))
     return files
 
 
@@ -169,6 +175,28 @@ def data_page(path: Path) -> str:
         f"# {path.stem}\n\nFrom {where}. The table as a file: [{path.name}]({path.name}).\n\n"
         + table(tuple(map(cell, head)), [tuple(row) for row in rows])
     )
+
+
+# --- the drive in a browser -----------------------------------------------------------
+
+
+def live_page() -> str:
+    """The page of tools/web.py."""
+    sys.path.insert(0, str(ROOT / "tools"))
+    import web
+
+    folder = ROOT / "build" / "web"
+    return web.build(folder, web.SETUPS).read_text(encoding="utf-8")
+
+
+def live_frame(home: str) -> str:
+    """The home page with the drive below its title."""
+    title, rest = home.split("\n", 1)
+    frame = (
+        f'<iframe class="live" src="{LIVE}" title="a drive that runs in this page" loading="lazy">'
+        f'</iframe>\n<p><a href="{LIVE}">The drive on a page of its own</a></p>'
+    )
+    return f"{title}\n\n{frame}\n{rest}"
 
 
 # --- pages from the program ---------------------------------------------------------

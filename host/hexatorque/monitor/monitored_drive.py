@@ -14,13 +14,13 @@ from pathlib import Path
 
 from ..commissioning.choices import CHOICES
 from ..commissioning.sequence import STEPS
-from ..drive import limits, parameter_sets
+from ..drive import parameter_sets
 from ..drive.board import BoardDrive, parameter_set
-from ..drive.captures import TRIGGERS
 from ..drive.parameter_sets import ParameterSetError, Values
-from ..firmware import FAULT, IDLE, WARNINGS, Snapshot, State, grouped
+from ..firmware import FAULT, IDLE, Snapshot, State
 from ..serial import LinkError
 from ..serial.client import HEARTBEAT_S, Stopped
+from . import described
 from .captures import Captures
 from .deadman import HIDDEN_S, SILENT_S, DeadMan
 from .guided import Guided
@@ -138,32 +138,15 @@ class MonitoredDrive:
             "silent_s": self.dead_man.silent_s,
             "hidden_s": self.dead_man.hidden_s,
             "fresh_s": FRESH_S,
-            "triggers": TRIGGERS,
             "steps": [{"name": name, "help": text} for name, text in STEPS.items()],
             "choices": {name: choice._asdict() for name, choice in CHOICES.items()},
-            "states": [state.name for state in dictionary.states],
-            "parameters": [
-                {
-                    "name": row.name, "unit": row.unit, "min": row.min, "max": row.max,
-                    "initial": row.initial, "live": row.live, "choices": row.choices,
-                    "whole": row.whole, "help": row.help,
-                }
-                for row in dictionary.parameters.values()
-            ],
-            "groups": [
-                {"title": title, "names": names}
-                for title, names in grouped(dictionary.parameters).items()
-            ],
-            "channels": [row._asdict() for row in dictionary.channels],
-            "limits": [
-                limit._asdict()
-                for limit in limits.of_board(
-                    dictionary.parameters, [row.name for row in dictionary.channels]
-                )
-            ],
-            "faults": [row._asdict() for row in dictionary.faults],
-            "warnings": [{"bit": bit, "name": text} for bit, text in WARNINGS.items()],
-        }  # fmt: skip
+            **described.tables(
+                dictionary.parameters,
+                dictionary.channels,
+                dictionary.faults,
+                [state.name for state in dictionary.states],
+            ),
+        }
 
     def status(self) -> dict:
         """What changes. This sends no request: every reply and the heartbeat carry these data."""

@@ -143,7 +143,7 @@ class Chromium:
         page.call("Page.enable")
         page.size(wide, high)
         page.call("Page.navigate", url=url)
-        page.until("location.protocol == 'http:' && document.readyState == 'complete'")
+        page.until("location.protocol != 'about:' && document.readyState == 'complete'")
         return page
 
 

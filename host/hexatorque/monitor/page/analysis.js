@@ -1,8 +1,9 @@
 // Below the plots: figures, spectrum or x-y view of the part between two marks, or of what is shown.
 
-import { make } from "/asking.js";
-import { parse, show } from "/numbers.js";
-import { drawXY } from "/xy.js";
+import { make } from "./asking.js";
+import { analyst } from "./backend.js";
+import { parse, show } from "./numbers.js";
+import { drawXY } from "./xy.js";
 
 /* global uPlot */
 
@@ -26,7 +27,7 @@ export class Analysis {
     this.box = box;
     this.choice = choice;
     this.source = source;
-    this.worker = new Worker("/analyst.js", { type: "module" });
+    this.worker = analyst();
     this.worker.onmessage = ({ data }) => this.come(data);
     this.id = 0; // of the latest question
     this.asked = null; // {id, begun_ms, kind, names, series, part_s} that has no answer yet

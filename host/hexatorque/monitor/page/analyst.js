@@ -1,8 +1,8 @@
 // A thread beside the page that gets the samples of a span and computes: however long that takes, the
 // page answers the monitor meanwhile.
 
-import { figures, largest, spectrum } from "/figures.js";
-import { decode } from "/numbers.js";
+import { figures, largest, spectrum } from "./figures.js";
+import { decode } from "./numbers.js";
 
 /** Most lines of a spectrum that are drawn, and most points of an x-y view. */
 const LINES = 4096;

@@ -1,23 +1,8 @@
-// Requests to the monitor, short messages, and elements of the page.
+// Requests whose refusal is shown, short messages, and elements of the page.
+
+import { ask } from "./backend.js";
 
 export const $ = (id) => document.getElementById(id);
-
-export async function ask(path, body) {
-  const options = body === undefined ? {} : {
-    method: "POST",
-    headers: { "Content-Type": "application/json" },
-    body: JSON.stringify(body),
-  };
-  let answer;
-  try {
-    answer = await fetch(path, options);
-  } catch {
-    throw new Error("the monitor does not answer");
-  }
-  const data = await answer.json();
-  if (!answer.ok) throw new Error(data.error || answer.statusText);
-  return data;
-}
 
 /** Send a request and show a refusal. Returns the answer, or null. */
 export async function order(path, body = {}) {

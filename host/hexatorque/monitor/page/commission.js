@@ -1,10 +1,11 @@
 // The commissioning, step by step. The server measures; a user reads here what a step will do, lets
 // it begin, and sees what it has found.
 
-import { $, ask, make, order, toast } from "/asking.js";
-import { parse } from "/numbers.js";
-import { NUMBER, breakable, shortest } from "/parameters.js";
-import { picture } from "/picture.js";
+import { $, make, order, toast } from "./asking.js";
+import { ask } from "./backend.js";
+import { parse } from "./numbers.js";
+import { NUMBER, breakable, shortest } from "./parameters.js";
+import { picture } from "./picture.js";
 
 const PLAN = { what: "what it does", voltage: "voltage", current: "current", shaft: "the shaft" };
 const ENDED = {
@@ -176,7 +177,7 @@ function result(box) {
     }, { className: "primary", id: "guide-write", disabled: written }));
   }
   if (setup) {
-    row.append(make("a", { className: "button", id: "guide-save", href: "/commissioned.toml", download: "", textContent: "Save the set-up" }));
+    row.append(make("a", { className: "button", id: "guide-save", href: "commissioned.toml", download: "", textContent: "Save the set-up" }));
   }
   row.append(button("Commission again", () => { anew = true; show(); $("guide-begin").focus(); }, { id: "guide-again" }));
   box.replaceChildren(make("h3", { textContent: ENDED[course.state] }),

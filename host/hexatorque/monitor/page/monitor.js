@@ -1,17 +1,19 @@
-// The page: it gets the drive's data as server-sent events and sends commands by POST.
+// The page: it shows what it hears of the drive, and sends commands.
 
-import { Analysis } from "/analysis.js";
-import { $, ask, make, order, toast } from "/asking.js";
-import { Bins } from "/bins.js";
-import { commissioning, fetchCourse, guide, tick } from "/commission.js";
-import { levels } from "/limits.js";
-import { decode, parse, show } from "/numbers.js";
-import { Overlay, samplesOf } from "/overlay.js";
+import { Analysis } from "./analysis.js";
+import { $, make, order, toast } from "./asking.js";
+import { ask, listen as listenTo } from "./backend.js";
+import { Bins } from "./bins.js";
+import { commissioning, fetchCourse, guide, tick } from "./commission.js";
+import { levels } from "./limits.js";
+import { decode, parse, show } from "./numbers.js";
+import { Overlay, samplesOf } from "./overlay.js";
 import {
   NUMBER, asText, asValue, editor, fetchValues, lockParameters, mistake, parameters, values, write,
-} from "/parameters.js";
-import { sets } from "/sets.js";
-import { Stack } from "/stack.js";
+} from "./parameters.js";
+import { plant } from "./plant.js";
+import { sets } from "./sets.js";
+import { Stack } from "./stack.js";
 
 const WINDOWS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
 const RATES_HZ = [200, 500, 1000, 2000, 2500, 5000, 10000];
@@ -25,11 +27,13 @@ const ANSWER_MS = 200;
 //: If the monitor sends nothing for this long, the numbers go blank and an alarm is shown.
 const STALE_MS = 1000;
 const SILENT_MS = 1500;
+//: What the last line says of a drive that the page itself holds: there is no link.
+const HERE = ["time", "samples", "busy"];
 const FIGURES = [["speed_rpm", "speed"], ["torque_Nm", "torque"], ["vdc_V", "dc link"]];
 
 let device = null;
 let status = null;
-let events = null;
+let stopListening = null;
 let heard_ms = 0;
 let answered_ms = 0;
 let answering = false;
@@ -117,20 +121,18 @@ function capturePart(from_s, to_s) {
 }
 
 function listen() {
-  events?.close();
+  stopListening?.();
   anew = true;
   const bins = Math.max(200, Math.min(4000, Math.round($("plots").clientWidth) || 900));
-  events = new EventSource(`/events?window_s=${live.window_s}&bins=${bins}`);
-  events.onmessage = (event) => {
+  stopListening = listenTo(`window_s=${live.window_s}&bins=${bins}`, (frame) => {
     heard_ms = performance.now();
-    const frame = JSON.parse(event.data);
     if (frame.status) {
       hear(frame.status);
       newest(frame.newest ?? null, frame.mean ?? null);
     }
     if (frame.bins && !paused) take(frame.bins);
     if (frame.sent_s) answer(frame.page, frame.sent_s);
-  };
+  });
 }
 
 /** Tell the monitor that this script runs and has shown a frame. If no page answers, the monitor
@@ -409,7 +411,8 @@ function linkTable(now) {
     ["board damaged", board, `${now.board_damaged} damaged frames, ${now.board_overruns} overruns of its receiver`, board],
     ["board dropped", now.board_dropped, "samples for which the line had no room", now.board_dropped],
     ["pages", now.pages, "that show this drive"],
-  ];
+    ...(device.plant ? [["busy", `${show(100 * now.busy, 2)} %`, "of its time this page computes"]] : []),
+  ].filter(([name]) => !device.plant || HERE.includes(name));
   const list = $("link");
   if (list.children.length !== rows.length) {
     list.replaceChildren(...rows.map(([name]) => make("div", {}, make("dt", { textContent: name }), make("dd"))));
@@ -427,8 +430,8 @@ function linkTable(now) {
 function record(now) {
   $("record").setAttribute("aria-pressed", String(Boolean(now)));
   $("record").lastChild.textContent = now ? `${now.seconds.toFixed(1)} s` : "Record";
-  $("record").title = now ? now.file : `record the traces to a file on this computer`;
-  $("suffix").hidden = Boolean(now);
+  $("record").title = now ? now.file : "record the traces to a file on this computer";
+  $("suffix").hidden = Boolean(now || device.plant);
 }
 
 function figures(sample) {
@@ -571,9 +574,9 @@ function quick() {
     $("quick").append(box);
   }
   $("quick").append(make("p", { className: "hint", textContent:
-    `Enter applies. Esc stops, anywhere; so does space while the drive works. ` +
-    `A drive that was started from here stops when no page has answered for ${device.silent_s} s, ` +
-    `or when all pages have been hidden for ${device.hidden_s} s.` }));
+    "Enter applies. Esc stops, anywhere; so does space while the drive works." + (device.plant ? "" :
+      ` A drive that was started from here stops when no page has answered for ${device.silent_s} s, ` +
+      `or when all pages have been hidden for ${device.hidden_s} s.`) }));
 }
 
 // -- burst capture -----------------------------------------------------------------------
@@ -809,10 +812,12 @@ async function begin() {
   $("reset").lastChild.addEventListener("click", () => order("/reset/seen"));
   quick();
   parameters(device, showQuick);
-  sets();
+  sets(Boolean(device.plant));
   channels();
   capture();
-  commissioning(device, stop);
+  if (device.steps.length) commissioning(device, stop);
+  else $("see-guide").hidden = true;
+  if (device.plant) plant(device.plant);
   tools();
   listen();
   setInterval(alarm, 250);

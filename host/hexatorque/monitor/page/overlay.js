@@ -1,6 +1,6 @@
 // A capture that is laid over another one.
 
-import { decode } from "/numbers.js";
+import { decode } from "./numbers.js";
 
 /** The samples of a capture by channel: {number, start_s, dt_s, count, columns}. The trigger is at
  * time 0. */

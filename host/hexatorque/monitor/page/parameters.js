@@ -1,7 +1,8 @@
 // The parameters of the board, in groups. What is typed waits until it is applied.
 
-import { $, ask, make, order } from "/asking.js";
-import { parse } from "/numbers.js";
+import { $, make, order } from "./asking.js";
+import { ask } from "./backend.js";
+import { parse } from "./numbers.js";
 
 export const NUMBER = "a number is needed, such as 250.5 or 250,5; no thousands separators";
 /** Parameter -> the value in force. */

@@ -1,9 +1,9 @@
 // A picture of what a step of the commissioning has measured: samples as points, the fit as a line.
 
-import { make } from "/asking.js";
-import { decimals, fixed } from "/numbers.js";
-import { STEPS } from "/plot.js";
-import { colours } from "/stack.js";
+import { make } from "./asking.js";
+import { decimals, fixed } from "./numbers.js";
+import { STEPS } from "./plot.js";
+import { colours } from "./stack.js";
 
 /* global uPlot */
 

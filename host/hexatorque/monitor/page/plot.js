@@ -1,7 +1,7 @@
 // One plot of traces over time. uPlot draws it (vendor/uplot).
 
-import { drawLevels, levelsOf } from "/limits.js";
-import { decimals, fixed, parse, show } from "/numbers.js";
+import { drawLevels, levelsOf } from "./limits.js";
+import { decimals, fixed, parse, show } from "./numbers.js";
 
 /* global uPlot */
 

@@ -1,13 +1,15 @@
 // Sets of parameters: files on this computer, comparisons, the board's own memory.
 
-import { $, ask, make, order, toast } from "/asking.js";
-import { breakable, fill, shortest } from "/parameters.js";
+import { $, make, order, toast } from "./asking.js";
+import { ask } from "./backend.js";
+import { breakable, fill, shortest } from "./parameters.js";
 
 /** Largest file that is read. One of all parameters has a tenth of it. */
 const BYTES = 50000;
 
-/** Make the buttons. The hidden input opens the browser's choice of a file. */
-export function sets() {
+/** Make the buttons. The hidden input opens the browser's choice of a file. here: the page holds the
+ * drive itself, and reads no file. */
+export function sets(here) {
   const input = make("input", { type: "file", accept: ".toml", hidden: true, id: "set-file" });
   let use = load;
   input.addEventListener("change", async () => {
@@ -24,7 +26,7 @@ export function sets() {
   const row = (title, ...buttons) => make("div", { className: "set" },
     make("span", { className: "hint", textContent: title }), make("span", {}, ...buttons));
   const save = make("a", {
-    className: "button", id: "set-save", href: "/parameters.toml", textContent: "Save", download: "",
+    className: "button", id: "set-save", href: "parameters.toml", textContent: "Save", download: "",
     title: "all parameters that are in force, as hexatorque board params save",
   });
   $("sets").append(
@@ -40,6 +42,7 @@ export function sets() {
       button("set-forget", "Forget", "the board starts with its built-in parameters from now on; gates off only",
         () => memory("/parameters/forget", "forgotten: the board starts with its built-in parameters from now on"))),
     input, make("div", { id: "set-wrong", role: "alert", hidden: true }));
+  if (here) for (const id of ["set-load", "set-compare"]) $(id).remove();
 }
 
 /** Do something with a file, and show what is wrong with it. */

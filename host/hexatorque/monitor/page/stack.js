@@ -1,7 +1,7 @@
 // Plots above each other, one per unit.
 
-import { show } from "/numbers.js";
-import { Plot } from "/plot.js";
+import { show } from "./numbers.js";
+import { Plot } from "./plot.js";
 
 /* global uPlot */
 

@@ -1,6 +1,6 @@
 // One channel over another.
 
-import { decimals, fixed } from "/numbers.js";
+import { decimals, fixed } from "./numbers.js";
 
 /** Room for the scales, in pixels. */
 const ROOM = { left: 58, right: 14, above: 10, below: 34 };

@@ -1,0 +1,352 @@
+"""The drive in a browser: the channels that the simulation has, in node and in Chromium, and the
+page used as a user does."""
+
+import base64
+import gzip
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chromium import Chromium, program
+from waiting import until
+
+import web
+from hexatorque import load
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.recording.recording import Recording
+from hexatorque.setups import SetupError
+
+ROOT = Path(__file__).resolve().parents[2]
+NODE = shutil.which("node")
+needs_node = pytest.mark.skipif(NODE is None, reason="no node: apt-get install nodejs")
+needs_chromium = pytest.mark.skipif(program() is None, reason="no chromium")
+#: Set-up, scheme, and a phase that opens or "".
+CASES = {
+    "ddr": ("paper-a", "ddr", ""),
+    "dtc3": ("paper-b", "dtc3", ""),
+    "db-dtfc": ("symmetrical", "db-dtfc", ""),
+    "open": ("symmetrical", "db-dtfc", "u1"),
+}
+DURATION_S = 2.0
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The folder with the page."""
+    pytest.importorskip("ziglang", reason="pip install 'hexatorque[docs]'")
+    folder = tmp_path_factory.mktemp("web")
+    web.build(folder, web.SETUPS)
+    return folder
+
+
+def course_of(name, f_isr_Hz):
+    """What happens when, in periods: start, speed, load, an open phase, stop."""
+    _, scheme, phase = CASES[name]
+    at = [round(t * f_isr_Hz) for t in (0.5, 0.7, 1.0, 1.6)]
+    return [
+        [0, "write", {"scheme": scheme}],
+        [0, "start"],
+        [at[0], "write", {"speed_ref_rpm": 600}],
+        [at[1], "load", 0.5],
+        *([[at[2], "open", phase, True]] if phase else []),
+        [at[3], "stop"],
+    ]
+
+
+def native(name):
+    """The same course in the simulation: channels, (periods, channels), and what the page gets."""
+    setup, _, _ = CASES[name]
+    sim = SimulatedDrive(load(setup), samples_per_period=1)
+    f_isr_Hz = 1 / sim.period_s
+    course = course_of(name, f_isr_Hz)
+    periods = round(DURATION_S * f_isr_Hz)
+    acts = {
+        "write": lambda values: sim.set_many(values),
+        "start": sim.start,
+        "stop": sim.stop,
+        "load": lambda torque_Nm: sim.set("load_Nm", torque_Nm),
+        "open": lambda phase, _: sim.break_leg(phase, "open"),
+    }
+    rows, states = [], []
+    for begin, (_, act, *given) in enumerate(course):
+        acts[act](*given)
+        until = course[begin + 1][0] if begin + 1 < len(course) else periods
+        if left := until - sim.periods:
+            rows.append(sim.rows(left)[1].copy())
+            states.append(sim.condition.name)
+    assert "run" in states and states[-1] in ("idle", "fault")
+    return np.concatenate(rows), {"setup": setup, "periods": periods, "course": course}
+
+
+def same_bits(answer, channels):
+    """Any NaN is as good as another: a browser may choose its sign."""
+    raw = np.frombuffer(base64.b64decode(answer["rows"]), np.float32).reshape(channels.shape)
+    equal = (raw.view(np.uint32) == channels.view(np.uint32)) | (np.isnan(raw) & np.isnan(channels))
+    assert equal.all(), np.argwhere(~equal)[:5]
+    assert answer["violations"] == 0
+
+
+IN_NODE = """
+import fs from "fs";
+import { Board } from "./board.js";
+const [folder, given] = process.argv.slice(2);
+const read = (name) => fs.readFileSync(`${folder}/${name}`);
+const board = new Board(new WebAssembly.Module(read("drive.wasm")), JSON.parse(read("tables.json")),
+  new Uint8Array(read("setups.bin")), "", null, () => {});
+for (const line of fs.readFileSync(given, "utf8").split("\\n").filter(Boolean)) {
+  const [path, body] = JSON.parse(line);
+  let said;
+  try {
+    said = { answer: board.ask(path, body) };
+  } catch (error) {
+    said = { error: error.message };
+  }
+  console.log(JSON.stringify(said));
+}
+"""
+
+
+@pytest.fixture
+def in_node(built, tmp_path):
+    """Ask a board of its own in node; each request is [path, body]. Returns the answers."""
+    for path in (ROOT / "web").glob("*.js"):
+        shutil.copy(path, tmp_path)
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+    (tmp_path / "ask.js").write_text(IN_NODE)
+
+    def ask(*requests):
+        given = tmp_path / "requests"
+        given.write_text("".join(json.dumps(one) + "\n" for one in requests))
+        done = subprocess.run(
+            [NODE, tmp_path / "ask.js", built, given], capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        return [json.loads(line) for line in done.stdout.splitlines()]
+
+    return ask
+
+
+@needs_node
+@pytest.mark.parametrize("name", CASES)
+def test_bits_in_node(name, in_node):
+    channels, given = native(name)
+    ((answer),) = in_node(["/course", given])
+    same_bits(answer["answer"], channels)
+    print(f"{name}: {answer['answer']['time_s'] / answer['answer']['took_s']:.0f} x real time")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with tempfile.TemporaryDirectory() as folder, Chromium(Path(folder)) as one:
+        yield one
+
+
+@pytest.fixture
+def page(browser, built):
+    """The page, opened from the disk."""
+    page = browser.open(f"file://{built}/drive.html")
+    page.until("document.body.dataset.state === 'idle'")
+    page.js("localStorage.clear()")
+    yield page
+    assert page.complaints() == []
+    page.close()
+    browser.events.clear()
+
+
+@needs_chromium
+@pytest.mark.parametrize("name", CASES)
+def test_bits_in_chromium(name, page):
+    channels, given = native(name)
+    answer = page.js(f"hexatorque.ask('/course', {json.dumps(given)})")
+    same_bits(answer, channels)
+
+
+def test_size(built):
+    size = len(gzip.compress((built / "drive.html").read_bytes(), 9))
+    assert size <= 150_000
+
+
+@needs_node
+def test_refusals(in_node):
+    answers = in_node(
+        ["/write", {"values": {"speed_ref_rpm": 1e9}}],
+        ["/write", {"values": {"f_isr_Hz": 9000}}],
+        ["/write", {"values": {"scheme": "best"}}],
+        ["/clear", {}],
+        ["/plant", {"load_Nm": 1e12}],
+        ["/plant", {"open": {"z": True}}],
+        ["/course", {"setup": "mine", "periods": 1, "course": []}],
+        ["/commission/begin", {}],
+    )
+    for answer, words in zip(
+        answers,
+        (
+            "speed_ref_rpm = 1000000000: allowed range is ",
+            "f_isr_Hz: belongs to the set-up",
+            "scheme = best: choose one of ",
+            "clear: not allowed in state idle",
+            "load_Nm = 1000000000000: too much",
+            "phase = z: choose one of u1, u2, w1, w2, v1, v2",
+            "no set-up mine: choose one of paper-b, ",
+            "/commission/begin: this page cannot do that",
+        ),
+        strict=True,
+    ):
+        assert answer["error"].startswith(words) and "\n" not in answer["error"], answer
+
+
+@needs_node
+def test_misfits_are_told_as_the_simulation_tells_them(in_node):
+    sim = SimulatedDrive(load("paper-b"))
+    values = {"i_trip_A": 19.0}
+    with pytest.raises(ValueError) as refused:
+        sim.set_many(values)
+    (answer,) = in_node(["/write", {"values": values}])
+    assert answer["error"].replace(" ", "") == str(refused.value).replace(" ", "").replace(".0", "")
+
+
+def test_a_setup_of_another_model():
+    with pytest.raises(SetupError, match=r"^magnet-24v: machine.model = magnet: .*induction$"):
+        web.held(["paper-b", "magnet-24v"])
+
+
+def test_no_text_is_left_that_nothing_reads(built):
+    wasm = (built / "drive.wasm").read_bytes()
+    assert b"speed reference" not in wasm and b"|ddr|" in wasm
+
+
+def started(page):
+    page.click("#start")
+    page.until("document.body.dataset.state === 'run'")
+
+
+def caught(page):
+    """Let the page's downloads be kept in the page: name -> base64."""
+    page.js(
+        "(() => { window.got = {}; const make = URL.createObjectURL;"
+        "URL.createObjectURL = (blob) => { window.last = blob; return make.call(URL, blob); };"
+        "HTMLAnchorElement.prototype.click = function () { const name = this.download;"
+        "window.last.arrayBuffer().then((raw) => { got[name] = btoa(new Uint8Array(raw)"
+        ".reduce((text, one) => text + String.fromCharCode(one), '')); }); }; })()"
+    )
+
+
+def files(page, folder, count):
+    page.until(f"Object.keys(got).length >= {count}")
+    for name, text in page.js("got").items():
+        (folder / name).write_bytes(base64.b64decode(text))
+    return sorted(page.js("Object.keys(got)"))
+
+
+@needs_chromium
+def test_run_record_plot(page, tmp_path):
+    caught(page)
+    started(page)
+    page.type("#quick input[aria-label=speed_ref_rpm]", "500")
+    page.key("Enter", "Enter", "\r")
+    page.type("#plant-load", "0.5")
+    page.key("Enter", "Enter", "\r")
+    page.until(
+        "Math.abs(Number(document.querySelector('[data-figure=torque_Nm]').textContent)) > .3"
+    )
+    page.click("#record")
+    page.until("document.querySelector('#record').textContent.startsWith('1')")
+    page.click("#record")
+    (name,) = files(page, tmp_path, 1)
+    recording = Recording.load(tmp_path / name)
+    assert recording.meta["setup"] == "paper-b" and recording.rate_Hz == 2000
+    assert abs(np.mean(recording["speed_rpm"]) - 500) < 20
+    done = subprocess.run(
+        [sys.executable, "-m", "hexatorque", "plot", tmp_path / name, "-o", tmp_path / "p.png"],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0 and (tmp_path / "p.png").exists(), done.stderr
+    page.key("Escape", "Escape")
+    page.until("document.body.dataset.state === 'idle'")
+
+
+@needs_chromium
+def test_capture_and_its_files(page, tmp_path):
+    caught(page)
+    page.click("[data-panel=capture]")
+    page.type("#samples", "300")
+    page.choose("#trigger", "command")
+    page.click("#capture-form button[type=submit]")
+    page.until("document.querySelector('#capture-state').textContent.startsWith('waiting')")
+    page.click("#start")
+    page.until("document.querySelector('#see-capture').textContent === 'Capture 1'")
+    for suffix in ("csv", "json", "npz"):
+        page.js(f"document.querySelector('.downloads a[href*=\"capture.{suffix}\"]').dispatchEvent("
+                "new MouseEvent('click', {bubbles: true, cancelable: true}))")  # fmt: skip
+    assert files(page, tmp_path, 3) == ["capture-1.csv", "capture-1.json", "capture-1.npz"]
+    one, other = (Recording.load(tmp_path / f"capture-1.{kind}") for kind in ("csv", "npz"))
+    assert len(one) == 300 and one.meta == other.meta and one.meta["trigger_s"] == 0
+    for channel in one.channels:
+        np.testing.assert_array_equal(one[channel], other[channel])
+
+
+@needs_chromium
+def test_an_open_phase_under_a_scheme_that_does_not_bear_it(page):
+    """The current that the others then must carry trips the drive, or a leg is found lost: the
+    snapshot has the cause."""
+    started(page)
+    page.click("#plant-open input")
+    page.until("document.body.dataset.state === 'fault'")
+    page.until("document.querySelector('#snapshot h2')?.textContent")
+    said = page.js("document.querySelector('#snapshot h2').textContent")
+    assert said == page.js("document.querySelector('#faults').textContent")
+
+
+@needs_chromium
+def test_parameters_are_kept_in_the_browser(page, browser, built):
+    kept = "hexatorque.ask('/values').then((values) => values.kp_speed_Nms_rad)"
+    before = page.js(kept)
+    page.js(f"hexatorque.ask('/write', {{values: {{kp_speed_Nms_rad: {2 * before}}}}})")
+    page.js("hexatorque.ask('/parameters/keep', {})")
+    page.until("localStorage.length === 1")
+    other = browser.open(f"file://{built}/drive.html")
+    other.until("document.body.dataset.state === 'idle'")
+    assert other.js(kept) == pytest.approx(2 * before)
+    was = other.js("Object.values(localStorage)[0]")
+    other.js("hexatorque.ask('/parameters/forget', {})")
+    other.until(f"Object.values(localStorage)[0] !== {was!r}")
+    other.close()
+    third = browser.open(f"file://{built}/drive.html")
+    third.until("document.body.dataset.state === 'idle'")
+    assert third.js(kept) == before
+    third.close()
+
+
+def reloaded(page, expression):
+    """Wait for an expression in a page that loads again: meanwhile it answers nothing."""
+
+    def there():
+        try:
+            return page.js(f"!!({expression})")
+        except AssertionError:
+            return False
+
+    until(there)
+
+
+@needs_chromium
+def test_another_setup_and_one_that_is_not_there(page):
+    page.choose("#plant-setup", "small-2kw")
+    reloaded(page, "document.querySelector('#device')?.textContent.startsWith('small-2kw')")
+    page.js("(() => { location.hash = 'nobody'; location.reload(); })()")
+    reloaded(
+        page, "document.querySelector('#alarm')?.textContent.startsWith('no set-up nobody: choose')"
+    )
+
+
+@needs_chromium
+def test_analysis(page):
+    """The x-y view needs samples that only the drive's thread has."""
+    started(page)
+    page.choose("#analyse", "xy")
+    page.until("document.querySelector('#analysis .said').textContent.includes('equal scales')")
