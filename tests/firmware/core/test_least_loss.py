@@ -38,7 +38,7 @@ def config(m, floor=FLOOR, wait=WAIT, gain=0.0):
         {
             "error_gain": gain, "per_Nm": lr / (3 * m.p * m.lm**2), "ls2_H2": ls**2,
             "across2_H2": sigma_ls**2, "rotor_ohm": m.rr * (m.lm / lr) ** 2,
-            "hysteresis_ohm": m.kh / 3, "eddy_ohm": m.ke / 3, "floor_Wb": floor, "wait": wait,
+            "hysteresis_ohm": m.kh / 3, "eddy_ohm": m.ke / 3, "reach_Nm_Wb2": 1.0, "floor_Wb": floor, "wait": wait,
         },
     )  # fmt: skip
 
