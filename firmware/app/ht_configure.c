@@ -255,7 +255,9 @@ static void configure_least_loss(const float *v, float pull_out, ht_least_loss_c
     float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
     float main_H = ratio * v[HT_P_lm_H];
     float ls_H = v[HT_P_sigma_ls_H] + main_H;
-    float floor_Wb = sqrtf(v[HT_P_flux_reserve_Nm] / pull_out);
+    float slip_rad_s = v[HT_P_encoder_trip_rpm] * v[HT_P_pole_pairs] * (PI_F / 30.0f);
+    float by_slip = 3.0f * v[HT_P_pole_pairs] * slip_rad_s / (v[HT_P_rr_ohm] * ratio * ratio);
+    float floor_Wb;
     float wait = v[HT_P_flux_wait_s] * v[HT_P_f_slow_Hz];
     c->error_gain = 1.0f / (1.0f + TORQUE_ERROR_S * v[HT_P_f_slow_Hz]);
     c->per_Nm = 1.0f / (3.0f * v[HT_P_pole_pairs] * main_H);
@@ -264,6 +266,10 @@ static void configure_least_loss(const float *v, float pull_out, ht_least_loss_c
     c->rotor_ohm = v[HT_P_rr_ohm] * ratio * ratio;
     c->hysteresis_ohm = v[HT_P_iron_hysteresis_A_Wb] / 3.0f;
     c->eddy_ohm = v[HT_P_iron_eddy_S] / 3.0f;
+    /* Little flux needs much slip, of which a wrong R_r makes a wrong speed of the flux: no more of
+     * it than the check of the encoder allows. 0 / 0, without R_r and this check, limits nothing. */
+    c->reach_Nm_Wb2 = ((slip_rad_s > 0.0f) && (by_slip < pull_out)) ? by_slip : pull_out;
+    floor_Wb = sqrtf(v[HT_P_flux_reserve_Nm] / c->reach_Nm_Wb2);
     c->floor_Wb = (floor_Wb > v[HT_P_flux_min_Wb]) ? floor_Wb : v[HT_P_flux_min_Wb];
     c->wait = (uint32_t)wait;
 }

@@ -80,6 +80,10 @@ static float torque_limit(const ht_drive *d, const ht_drive_config *c, float mos
     float limit = c->params.v[HT_P_torque_limit_Nm];
     float flux_ref = d->flux_ref_Wb;
     limit = smaller(c->pull_out_Nm_Wb2 * flux_ref * flux_ref, limit);
+    if ((c->params.v[HT_P_flux_least_loss] != 0.0f)
+        && (d->flux_ramp_Wb < c->params.v[HT_P_flux_ref_Wb])) {
+        limit = smaller(c->least_loss.reach_Nm_Wb2 * flux_ref * flux_ref, limit);
+    }
     limit = smaller(ht_derated_Nm(&c->derating, most_A, flux_ref), limit);
     limit = smaller(ht_derated_now_Nm(&c->derating, most_A, flux_ref, rotor_Wb(d)), limit);
     /* The same from what is measured: the current along the flux, one slow period on. */

@@ -25,6 +25,7 @@ typedef struct {
     float rotor_ohm;      /**< R_r (L_m/L_r)^2 as configured */
     float hysteresis_ohm; /**< k_h/3 as k is made, per rad/s */
     float eddy_ohm;       /**< k_e/3, per (rad/s)^2 */
+    float reach_Nm_Wb2;   /**< torque asked for at most over flux squared, while the flux rises */
     float floor_Wb;       /**< no less */
     uint32_t wait;        /**< steps until the flux falls */
 } ht_least_loss_config;

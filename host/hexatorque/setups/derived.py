@@ -131,7 +131,6 @@ ALWAYS: dict[str, Rule] = {
     "lm_H": Rule("the machine's at the flux reference", lambda k: k.machine.lm_H),
     "iron_hysteresis_A_Wb": Rule("the machine's", lambda k: k.machine.iron_hysteresis_A_Wb),
     "iron_eddy_S": Rule("the machine's", lambda k: k.machine.iron_eddy_S),
-    "flux_reserve_Nm": Rule("half of rated torque", lambda k: 0.5 * k.rated_Nm),
     "dead_time_us": Rule("the inverter's", lambda k: k.setup["inverter.dead_time_us"]),
     "i_full_A": Rule("the sensors'", lambda k: k.setup["sensors.i_full_A"]),
     "vdc_full_V": Rule("the sensors'", lambda k: k.setup["sensors.vdc_full_V"]),
@@ -277,6 +276,7 @@ OPEN: dict[str, Rule] = {
         _flux_ref_Wb,
     ),
     "flux_min_Wb": Rule("20 % of flux_ref_Wb", lambda k: 0.2 * k.flux_Wb),
+    "flux_reserve_Nm": Rule("half of rated torque", lambda k: 0.5 * k.rated_Nm),
     "f_isr_Hz": Rule(
         "10 kHz; 20 kHz if one period of 100 us moves the torque by more than 80 % of rated, or if "
         "it has less than five periods in L_xy/R_s or sigma L_s/R_s, and 20 kHz has them",

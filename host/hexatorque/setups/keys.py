@@ -82,7 +82,7 @@ KEYS: dict[str, dict[str, Key]] = {
         ),
         "saturation_exponent": _n("how sharply the main flux saturates", "", 1, 20, 6.0),
         "iron_hysteresis_A_Wb": _n(
-            "iron loss over flux squared and the rotor's electrical speed (W, Wb, rad/s): hysteresis",
+            "iron loss over flux squared and electrical speed (W, Wb, rad/s): hysteresis",
             "A/Wb",
             0,
             1e5,
