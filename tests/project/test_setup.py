@@ -160,7 +160,10 @@ def test_a_long_step_says_for_how_long_already(tmp_path):
 
 
 #: What pip 23 to 25 say last on the way to either failure, and what set-up makes of it.
-COMPILER = "  cc: internal compiler error: Segmentation fault\n  ERROR: Failed building wheel for hexatorque"
+COMPILER = (
+    "  cc: internal compiler error: Segmentation fault\n"
+    "  ERROR: Failed building wheel for hexatorque"
+)
 NETWORK = (
     "ERROR: Could not find a version that satisfies the requirement scikit-build-core\n"
     "ERROR: No matching distribution found for scikit-build-core"

@@ -92,7 +92,7 @@ CASES = {
     ),
     "VDC_LEVELS": (
         {"vdc_low_V": 300.0, "vdc_high_V": 320.0},
-        "vdc_band_V = 10 V, vdc_high_V = 320 V: between vdc_low_V and vdc_high_V there must be more",
+        "vdc_band_V = 10 V, vdc_high_V = 320 V: between vdc_low_V and vdc_high_V there must be",
     ),
     "VDC_BAND": (
         {"vdc_high_V": 350.0, "link_F": 100e-6},
