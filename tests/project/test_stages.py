@@ -54,7 +54,7 @@ def test_continuous_integration_runs_both_commands_with_whole_campaigns():
     assert lines.index("make test-targets") > whole
     assert lines[-1] == "tools/newcomer.sh"
     newcomer = (ROOT / "tools" / "newcomer.sh").read_text().splitlines()
-    assert newcomer[-1].startswith("as_user ") and newcomer[-1].endswith(" test")
+    assert newcomer[-1].startswith("as_user ") and newcomer[-1].endswith('"${2:-test}"')
 
 
 def test_no_stage_needs_a_name_that_another_user_may_have(tmp_path):

@@ -27,7 +27,7 @@ REASONS = {
     },
     "pyserial reads it": {"write_timeout"},
     "the C reads it": {
-        "memory_size", "wrong_locks", "wrong_percent", "never_locks", "no_crystal",
+        "memory_size", "timer1", "wrong_locks", "wrong_percent", "never_locks", "no_crystal",
     },
     "keeps memory alive that the C uses": {"_own_registers", "_board"},
     "a field of a row that is written and read whole": {"adc_counts", "fault_s", "loss_W"},

@@ -80,7 +80,8 @@ def balance(rec: Recording, inverter: dict[str, float]) -> dict[str, float]:
 
     input_W: from the dc link, V_dc I_dc and the switching losses; shaft_W: the torque's power less
     the friction's and the iron's; loss_W: the difference; efficiency_pct: the smaller over the
-    larger power, if both flow in the same direction. Losses of the inverter take part if the set-up states them.
+    larger power, if both flow in the same direction. Losses of the inverter take part if the set-up
+    states them.
     """
     values = rec.meta.get("parameters", {})
     vdc_V = (

@@ -12,7 +12,7 @@ from campaigns import part
 
 from hexatorque import SetupError, SimulatedDrive, firmware, load
 from hexatorque.analysis.losses import balance, bridge
-from hexatorque.experiments.operating_points import MOST_EDGES
+from hexatorque.experiments.operating_points import CYCLES, MOST_EDGES
 from hexatorque.setups.design import Design
 
 SETUPS = (
@@ -155,7 +155,8 @@ def loss_W(setup, speed_rpm, load_Nm, flux_Wb=None):
         sim.set_many({"flux_least_loss": "off", "flux_ref_Wb": flux_Wb})
     sim.set("load_Nm", load_Nm)
     sim.run(4.0, record=False)
-    period, legs, seconds = sim.periods, sim.inverter.leg.copy(), 0.5
+    period, legs = sim.periods, sim.inverter.leg.copy()
+    seconds = max(0.5, CYCLES * 60 / (setup["machine.pole_pairs"] * speed_rpm))
     sim.log_edges(math.ceil(seconds / sim.period_s + 1) * MOST_EDGES)
     sim.run(seconds)
     if sim.faults or abs(sim.speed_rpm - speed_rpm) > 0.01 * speed_rpm:

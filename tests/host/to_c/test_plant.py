@@ -158,6 +158,7 @@ COURSES = {
         "whole": ("paper-b", {"machine.psi_knee_Wb": 0.8}, run_and_stop),
         "open": ("paper-b", BEARS | {"machine.psi_knee_Wb": 0.8}, OPEN),
         "drops": ("paper-b", BEARS | DROPS | ARC | {"machine.psi_knee_Wb": 0.8}, BLOCKED),
+        "iron": ("paper-b", IRON | {"machine.psi_knee_Wb": 0.8}, run_and_stop),
         "link": ("paper-b", BEARS | LINK_H | {"machine.psi_knee_Wb": 0.8}, run_and_stop),
     },
     "magnet": {

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
-from ...drive.trips import WAY_TO_SPEED, too_fast
 from ...errors import HexatorqueError
 from ...given import parameter_name
 from ..options import Mistake
@@ -77,6 +76,7 @@ def before_start(
 def start_drive(drive: BoardDrive, values: dict[str, object]) -> None:
     """Set values and start. If the start is refused, all values are as before. Mistake if the drive
     would trip on the way to its speed reference."""
+    from ...drive.trips import WAY_TO_SPEED, too_fast
     from ...firmware import IDLE
 
     # A START is allowed in the state idle only. A board of protocol 2.0 does not tell that idle is
@@ -86,7 +86,8 @@ def start_drive(drive: BoardDrive, values: dict[str, object]) -> None:
         drive.start()  # is refused, with the reason
     known = [name for name in values if name in drive.params]
     before = drive.get_many(list(dict.fromkeys([*WAY_TO_SPEED, *known])))
-    start_mode, control_mode, asked_rpm, trip_rpm = _with(drive, before, values)
+    wanted = {**before, **_allowed(drive, values)}
+    start_mode, control_mode, asked_rpm, trip_rpm = (wanted[name] for name in WAY_TO_SPEED)
     if too_fast(start_mode, control_mode, asked_rpm, trip_rpm):
         raise Mistake(
             f"speed_ref_rpm = {asked_rpm:g} r/min: the drive would trip at speed_trip_rpm = "
@@ -101,15 +102,14 @@ def start_drive(drive: BoardDrive, values: dict[str, object]) -> None:
         raise
 
 
-def _with(drive: BoardDrive, before: dict, values: dict[str, object]) -> tuple:
-    """WAY_TO_SPEED with the values set. One that the drive will refuse stays as it was."""
-    after = dict(before)
-    for name in WAY_TO_SPEED:
-        if name in values:
-            with suppress(HexatorqueError):
-                row = drive.params[name]
-                after[name] = row.show(row.parse(values[name]))
-    return tuple(after[name] for name in WAY_TO_SPEED)
+def _allowed(drive: BoardDrive, values: dict[str, object]) -> dict:
+    """As they are read back. One that the drive will refuse is left out."""
+    found = {}
+    for name in drive.params.keys() & values.keys():
+        with suppress(HexatorqueError):
+            row = drive.params[name]
+            found[name] = row.show(row.parse(values[name]))
+    return found
 
 
 @contextmanager

@@ -727,7 +727,7 @@ def _some_set(controller: firmware.Controller, rng: np.random.Generator) -> None
             controller.set(row.name, value)
     rows = enumerate(firmware.parameters().values())
     controller.set_many(
-        {p.name: p.initial for n, p in rows if firmware.lib.ht_store_is_command(n)}
+        {p.name: p.show(p.initial) for n, p in rows if firmware.lib.ht_store_is_command(n)}
     )
 
 

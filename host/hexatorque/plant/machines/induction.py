@@ -12,8 +12,8 @@ resistance and leakage may differ, which couples alpha-beta with x-y:
 The iron's loss, if it is given, is (k_h p|w| + k_e (p w)^2)|psi_s|^2: hysteresis grows with the
 frequency and eddy currents with its square (Bertotti, IEEE Trans. Magn. 24(1), 1988). The
 frequency is that of the rotor's turning, less than the flux's by the slip, and the shaft pays for
-the loss with a torque. So currents remain functions of the fluxes alone, and the drive sees the loss as the
-torque that it costs.
+the loss with a torque. So currents remain functions of the fluxes alone, and the drive sees the
+loss as the torque that it costs.
 
 Two isolated neutrals: zero-sequence currents do not exist. The torque is written
 with the rotor flux because that form also holds for an asymmetrical stator.
