@@ -1,5 +1,5 @@
-"""The ramp of the speed reference against the kinematics that it promises: rate and jerk within their
-limits, arrival without overshoot, and the least time that these limits allow."""
+"""The ramp of the speed reference against the kinematics that it promises: rate and jerk within
+their limits, arrival without overshoot, and the least time that these limits allow."""
 
 import math
 
@@ -65,10 +65,8 @@ def test_rate_and_jerk_hold_and_nothing_overshoots(start, target, rate, jerk):
 def test_the_way_takes_the_least_time_of_its_limits(start, target, rate, jerk):
     """The trapezium of speed over time: way/rate + rate/jerk; the triangle if the way is short."""
     way = abs(target - start)
-    if way * jerk >= rate * rate:
-        least = way / rate + rate / jerk
-    else:
-        least = 2 * math.sqrt(way / jerk)
+    long = way * jerk >= rate * rate
+    least = way / rate + rate / jerk if long else 2 * math.sqrt(way / jerk)
     taken = len(ramped([rate, rate, jerk], start, target)) - 1
     # A period at each corner of the slope, and the last steps, each up to a jerk long.
     assert least - 2 <= taken <= 1.02 * least + 6

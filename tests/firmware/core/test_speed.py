@@ -84,7 +84,7 @@ def test_integral_comes_back_after_the_limit_was_lowered(sign):
 
 @pytest.mark.parametrize(("error", "bound"), ((50.0, 7.0), (-50.0, -3.0)))
 def test_each_sign_has_its_limit(error, bound):
-    """The integral keeps to it, too: it comes back from there at the first error of the other sign."""
+    """The integral keeps to it, too: it comes back at the first error of the other sign."""
     state = ffi.new("ht_speed_state *")
     for _ in range(1000):
         assert step(state, error / 50, 7.0, -3.0) * np.sign(bound) <= abs(bound)
