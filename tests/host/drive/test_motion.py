@@ -152,8 +152,8 @@ def test_the_power_at_the_shaft_stays_below_its_limit(sign):
 
 @pytest.mark.parametrize(("negative_Nm", "braking_Nm"), ((0.0, None), (0.1, -0.1)))
 def test_braking_to_hold_the_link_keeps_to_the_negative_limit(negative_Nm, braking_Nm):
-    """While the source is away the drive brakes with what its losses take, 0.2 N m, unless the limit
-    is below that."""
+    """While the source is away the drive brakes with what its losses take, 0.2 N m, unless the
+    limit is below that."""
     setup = load("paper-b").changed(
         inverter__link_F=2e-3, inverter__source_ohm=0.5, controller__link_F=2e-3,
         controller__vdc_low_V=240.0, controller__vdc_band_V=10.0, controller__vdc_min_V=200.0,
