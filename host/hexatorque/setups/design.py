@@ -142,11 +142,13 @@ class Design:
         profile = self.setup.profile
         courses = ((profile.speed_rpm, 0.0), (profile.load_Nm, 0.0), (profile.vdc_V, self.vdc_V))
         together = [
-            Demand(*(abs(([first] + [v for t, v in of if t <= now])[-1]) for of, first in courses))
+            Demand._make(
+                abs(([first] + [v for t, v in of if t <= now])[-1]) for of, first in courses
+            )
             for now, _ in (step for of, _ in courses for step in of)
         ]
-        point = (abs(self.setup[f"point.{key}"]) for key in ("speed_rpm", "load_Nm"))
-        together.append(Demand(*point, self.vdc_V))
+        speed_rpm, load_Nm = (abs(self.setup[f"point.{key}"]) for key in ("speed_rpm", "load_Nm"))
+        together.append(Demand(speed_rpm, load_Nm, self.vdc_V))
         asked = [one for one in together if one.load_Nm > 0]
         if self.setup["rated.speed_rpm"] > 0 or not asked:
             asked.append(Demand(self.rated_rpm, self.rated_Nm, self.vdc_V))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
 from .nameplate import Nameplate
 
@@ -49,10 +50,12 @@ def meant(plate: Nameplate, names: Iterable[str], fits: Callable[[Nameplate], bo
         typed = getattr(plate, name)
         for shift in SHIFTS:
             number = float(f"{typed * shift:.9g}")
-            if name not in found and fits(replace(plate, **{name: number})):
+            changed: Any = {name: number}
+            if name not in found and fits(replace(plate, **changed)):
                 found[name] = number
     likely = [name for name in found if not _usual(plate, name)]
-    sure = [n for n in likely if n != "poles" and _usual(replace(plate, **{n: found[n]}), n)]
+    right: dict[str, Any] = {n: {n: found[n]} for n in likely if n != "poles"}
+    sure = [n for n, changed in right.items() if _usual(replace(plate, **changed), n)]
     words = [f"{name} = {found[name]:g}" for name in sure or likely or found]
     if not words:
         return ""

@@ -725,9 +725,12 @@ def _some_set(controller: firmware.Controller, rng: np.random.Generator) -> None
             value = min(max(row.initial * float(rng.uniform(0.8, 1.2)), row.min), row.max)
         with contextlib.suppress(firmware.FirmwareError):
             controller.set(row.name, value)
-    rows = enumerate(firmware.parameters().values())
     controller.set_many(
-        {p.name: p.show(p.initial) for n, p in rows if firmware.lib.ht_store_is_command(n)}
+        {
+            row.name: row.show(row.initial)
+            for number, row in enumerate(rows)
+            if firmware.lib.ht_store_is_command(number)
+        }
     )
 
 
