@@ -30,7 +30,7 @@ REASONS = {
         "memory_size", "timer1", "wrong_locks", "wrong_percent", "never_locks", "no_crystal",
     },
     "keeps memory alive that the C uses": {"_own_registers", "_board"},
-    "a field of a row that is written and read whole": {"adc_counts", "fault_s", "loss_W"},
+    "a field of a row that is written and read whole": {"adc_counts", "fault_s"},
     "one of a whole list of the firmware's or a file's words": {
         "PREDICTION", "LAW_SAMPLING", "HYPERCUBE",
     },
