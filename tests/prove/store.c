@@ -3,7 +3,8 @@
 #include "ht_store.c"
 #include "prove.h"
 
-#define BLOCKS 28u /* of an area: a set and some more */
+/* Of an area: a set and some more. */
+#define BLOCKS ((uint16_t)((uint16_t)HT_PARAMS / 4u + 4u))
 
 #define BEFORE_THE_MARK ((uint16_t)(blocks_of(HT_PARAMS) - 1u))
 
