@@ -27,8 +27,9 @@ static uint32_t apart(uint32_t a, uint32_t b, uint32_t counts_rev)
 /* Angle of a direction. */
 static uint32_t angle_of(const ht_alignment_config *cfg, uint16_t direction)
 {
-    return share(cfg->counts_rev,
-                 (1.0f / 24.0f) * (float)((uint32_t)cfg->first + 2u * (uint32_t)direction));
+    uint32_t parts = 2u * (uint32_t)direction;
+    parts += cfg->first;
+    return share(cfg->counts_rev, (1.0f / 24.0f) * (float)parts);
 }
 
 /* The direction next to an angle. */

@@ -249,8 +249,8 @@ static void configure_motion(const float *v, ht_drive_config *c)
     }
 }
 
-/* `pull_out`: of the torque limit, per flux squared. */
-static void configure_least_loss(const float *v, float pull_out, ht_least_loss_config *c)
+/* `pull_out_Nm_Wb2`: of the torque limit, per flux squared. */
+static void configure_least_loss(const float *v, float pull_out_Nm_Wb2, ht_least_loss_config *c)
 {
     float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
     float main_H = ratio * v[HT_P_lm_H];
@@ -268,7 +268,8 @@ static void configure_least_loss(const float *v, float pull_out, ht_least_loss_c
     c->eddy_ohm = v[HT_P_iron_eddy_S] / 3.0f;
     /* Little flux needs much slip, of which a wrong R_r makes a wrong speed of the flux: no more of
      * it than the check of the encoder allows. 0 / 0, without R_r and this check, limits nothing. */
-    c->reach_Nm_Wb2 = ((slip_rad_s > 0.0f) && (by_slip < pull_out)) ? by_slip : pull_out;
+    c->reach_Nm_Wb2 = ((slip_rad_s > 0.0f) && (by_slip < pull_out_Nm_Wb2)) ? by_slip
+                                                                           : pull_out_Nm_Wb2;
     floor_Wb = sqrtf(v[HT_P_flux_reserve_Nm] / c->reach_Nm_Wb2);
     c->floor_Wb = (floor_Wb > v[HT_P_flux_min_Wb]) ? floor_Wb : v[HT_P_flux_min_Wb];
     c->wait = (uint32_t)wait;
