@@ -256,7 +256,6 @@ static void configure_least_loss(const float *v, float pull_out_Nm_Wb2, ht_least
     float main_H = ratio * v[HT_P_lm_H];
     float ls_H = v[HT_P_sigma_ls_H] + main_H;
     float slip_rad_s = v[HT_P_encoder_trip_rpm] * v[HT_P_pole_pairs] * (PI_F / 30.0f);
-    float by_slip = 3.0f * v[HT_P_pole_pairs] * slip_rad_s / (v[HT_P_rr_ohm] * ratio * ratio);
     float floor_Wb;
     float wait = v[HT_P_flux_wait_s] * v[HT_P_f_slow_Hz];
     c->error_gain = 1.0f / (1.0f + TORQUE_ERROR_S * v[HT_P_f_slow_Hz]);
@@ -267,9 +266,12 @@ static void configure_least_loss(const float *v, float pull_out_Nm_Wb2, ht_least
     c->hysteresis_ohm = v[HT_P_iron_hysteresis_A_Wb] / 3.0f;
     c->eddy_ohm = v[HT_P_iron_eddy_S] / 3.0f;
     /* Little flux needs much slip, of which a wrong R_r makes a wrong speed of the flux: no more of
-     * it than the check of the encoder allows. 0 / 0, without R_r and this check, limits nothing. */
-    c->reach_Nm_Wb2 = ((slip_rad_s > 0.0f) && (by_slip < pull_out_Nm_Wb2)) ? by_slip
-                                                                           : pull_out_Nm_Wb2;
+     * it than the check of the encoder allows. */
+    c->reach_Nm_Wb2 = pull_out_Nm_Wb2;
+    if ((slip_rad_s > 0.0f) && (c->rotor_ohm > 0.0f)) {
+        float by_slip = 3.0f * v[HT_P_pole_pairs] * slip_rad_s / c->rotor_ohm;
+        c->reach_Nm_Wb2 = (by_slip < pull_out_Nm_Wb2) ? by_slip : pull_out_Nm_Wb2;
+    }
     floor_Wb = sqrtf(v[HT_P_flux_reserve_Nm] / c->reach_Nm_Wb2);
     c->floor_Wb = (floor_Wb > v[HT_P_flux_min_Wb]) ? floor_Wb : v[HT_P_flux_min_Wb];
     c->wait = (uint32_t)wait;
