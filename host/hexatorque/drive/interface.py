@@ -19,7 +19,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from itertools import groupby
-from typing import TYPE_CHECKING, Self, SupportsFloat
+from typing import TYPE_CHECKING, Any, Self, SupportsFloat
 
 from .. import given
 from ..errors import HexatorqueError, InputError
@@ -248,7 +248,7 @@ class DriveVerbs(ABC):
 
     def _refuse_over_speed(self, events: Sequence[tuple[float, str, object]]) -> None:
         """SetupError if the drive would trip before it has one of its speed references."""
-        way = {name: self.get(name) for name in WAY_TO_SPEED}
+        way: dict[str, Any] = {name: self.get(name) for name in WAY_TO_SPEED}
         for time_s, together in groupby([(0.0, "", None), *events], key=lambda event: event[0]):
             for _, name, value in together:
                 if name in way:

@@ -145,8 +145,8 @@ class Design:
             Demand(*(abs(([first] + [v for t, v in of if t <= now])[-1]) for of, first in courses))
             for now, _ in (step for of, _ in courses for step in of)
         ]
-        point = (abs(self.setup[f"point.{key}"]) for key in ("speed_rpm", "load_Nm"))
-        together.append(Demand(*point, self.vdc_V))
+        speed_rpm, load_Nm = self.setup["point.speed_rpm"], self.setup["point.load_Nm"]
+        together.append(Demand(abs(speed_rpm), abs(load_Nm), self.vdc_V))
         asked = [one for one in together if one.load_Nm > 0]
         if self.setup["rated.speed_rpm"] > 0 or not asked:
             asked.append(Demand(self.rated_rpm, self.rated_Nm, self.vdc_V))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
 from .nameplate import Nameplate
 
@@ -30,6 +31,11 @@ def _usual(plate: Nameplate, name: str) -> bool:
     return name == "voltage_V" and (plate.voltage_V in USUAL_V or high)
 
 
+def _with(plate: Nameplate, name: str, number: float) -> Nameplate:
+    change: dict[str, Any] = {name: number}
+    return replace(plate, **change)
+
+
 def shifted(value: float, low: float, high: float) -> float | None:
     """The value with its decimal sign elsewhere, between these two; None if there is none."""
     found = (float(f"{value * shift:.9g}") for shift in SHIFTS)
@@ -49,10 +55,10 @@ def meant(plate: Nameplate, names: Iterable[str], fits: Callable[[Nameplate], bo
         typed = getattr(plate, name)
         for shift in SHIFTS:
             number = float(f"{typed * shift:.9g}")
-            if name not in found and fits(replace(plate, **{name: number})):
+            if name not in found and fits(_with(plate, name, number)):
                 found[name] = number
     likely = [name for name in found if not _usual(plate, name)]
-    sure = [n for n in likely if n != "poles" and _usual(replace(plate, **{n: found[n]}), n)]
+    sure = [n for n in likely if n != "poles" and _usual(_with(plate, n, found[n]), n)]
     words = [f"{name} = {found[name]:g}" for name in sure or likely or found]
     if not words:
         return ""
