@@ -39,9 +39,10 @@ MOST_FACTOR = 0.94
 #: thirds of the reactive current that any published machine takes.
 MOST_TOLD = 0.97
 #: Efficiency times power factor is not below what is typical by more than this factor, and the slip
-#: neither below nor above by more than these. Of the published machines none is half as far away.
+#: neither below nor above by more than these. Of the published machines the furthest is about half
+#: as far away.
 PRODUCT_FACTOR = 1.75
-SLIP_BELOW, SLIP_ABOVE = 8.0, 6.0
+SLIP_BELOW, SLIP_ABOVE = 8.0, 5.4
 #: So near to what is typical are numbers that may have been meant.
 PRODUCT_NEAR, SLIP_NEAR = 1.35, 4.0
 #: Ohms below which no voltage over its current is: the plate's two are then exchanged.

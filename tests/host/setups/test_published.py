@@ -15,7 +15,7 @@ PRINTED = [m for m in machines() if m.current_A and m.power_kW]
 
 def test_every_machine_has_a_source_and_no_one_is_twice():
     assert all(m.source and m.name for m in machines())
-    assert len({(m.rs_ohm, m.rr_ohm, m.lm_H) for m in machines()}) == len(machines()) >= 30
+    assert len({(m.rs_ohm, m.rr_ohm, m.lm_H) for m in machines()}) == len(machines()) >= 49
 
 
 @pytest.mark.parametrize("machine", PRINTED, ids=lambda machine: machine.name)
@@ -102,7 +102,7 @@ def test_a_plate_without_power_factor_says_so():
     [
         ({"voltage_V": "5.9", "current_A": "400"}, ("voltage_V = 5.9", "exchanged?")),
         ({"current_A": "11.8", "phases": "6"}, ("current_A = 11.8", "current_A = 5.3")),
-        ({"speed_rpm": "1498"}, ("speed_rpm = 1498", "slip of 0.13 %", "speed_rpm = 1453")),
+        ({"speed_rpm": "1498"}, ("speed_rpm = 1498", "slip of 0.13 %", "speed_rpm = 1448")),
         ({"speed_rpm": "1200"}, ("speed_rpm = 1200", "slip of 20 %", "4 poles")),
         ({"poles": "2"}, ("speed_rpm = 1450", "2 poles", "3000")),
         ({"frequency_Hz": "60"}, ("speed_rpm = 1450", "60 Hz", "slip of 19 %")),
@@ -142,11 +142,11 @@ def test_a_number_that_cannot_be_is_named_in_one_line(change, words):
         # No power of ten helps.
         ({"voltage_V": "230"}, "230 V", ("below 0.98", "current_A = 9.25 would fit")),
         ({"power_factor": "0.08"}, "efficiency would be 8.41", ("power_factor", "above 0.673")),
-        ({"vdc_V": "60"}, "0.5", ("inverter.vdc_V (583 V",)),
+        ({"vdc_V": "60"}, "0.5", ("inverter.vdc_V (581 V",)),
     ],
 )
 def test_a_mistyped_number_is_named_with_the_one_that_fits(change, typed, fits):
-    """583 V: the flux of the plate turns at its speed, within 0.9/sqrt 3 of the link."""
+    """581 V: the flux of the plate turns at its speed, within 0.9/sqrt 3 of the link."""
     given = {
         "power_kW": "5.5",
         "voltage_V": "400",
