@@ -4,7 +4,8 @@
 #   tools/newcomer.sh [PIP_CONF [TESTS]]
 #
 # Installs the packages that README names, clones this tree's commit into a folder whose name has a
-# space, in the home of the user, and runs `make demo` and `make TESTS` (test) there in an empty environment.
+# space, in the home of the user, and runs `make demo` and `make TESTS` there in an empty environment;
+# TESTS is `test` if it is not given.
 # HT_… variables are passed on. PIP_CONF tells the user's pip how to reach a package index, as
 # tools/pip_settings.py writes it. The user is removed again unless it was there before.
 set -eu

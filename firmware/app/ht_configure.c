@@ -17,7 +17,8 @@
 #define COUNTS_QUICK_S 0.0003f
 #define OMEGA_FILTER_S 0.005f
 #define OMEGA_MEAN_S 0.2f
-/* Flux of least loss: the mean torque, sampled with all of its ripple. */
+/* Time constant of the mean torque error that the flux of least loss adds. It is long, because the
+ * samples hold all of the ripple. */
 #define TORQUE_ERROR_S 1.0f
 /* The build-up is direct current, where all that the models disagree about is R_s: it
  * is learnt quickly there, or a wrong one would build a wrong flux. */

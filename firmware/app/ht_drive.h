@@ -3,7 +3,8 @@
  *  parameters and telemetry around the control core.
  *
  *  States:  IDLE -start-> CALIBRATE -> BUILD -> RUN, any -fault-> FAULT -clear->
- *  IDLE, any but FAULT -stop-> IDLE, RUN -shaft stopped by `motion`-> IDLE. With `start_mode` = test, CALIBRATE -> TEST -time over->
+ *  IDLE, any but FAULT -stop-> IDLE, RUN -shaft stopped by `motion`-> IDLE.
+ *  With `start_mode` = test, CALIBRATE -> TEST -time over->
  *  IDLE instead (ht_excitation.h). The gates are on in BUILD, RUN and TEST only.
  *
  *  Concurrency on a target:

@@ -11,6 +11,10 @@ void ht_ramp_reset(ht_ramp_state *st, float speed_rpm)
     st->slope_rpm = 0.0f;
 }
 
+/* The stop is planned with this share of the jerk. Without the rest, rounding would take the last changes
+ * beyond the jerk, and so beyond the target. */
+#define PLANNED 0.98f
+
 /* More changes than this do not fit into a way: the rate counts then. */
 #define MOST_CHANGES 1.0e4f
 
@@ -26,7 +30,10 @@ static float stopping_rpm(float way_rpm, float jerk_rpm, float rate_rpm)
         return rate_rpm;
     }
     n = (float)(uint16_t)root;
-    v_rpm = jerk_rpm * (n + (way - 0.5f * n * (n + 1.0f)) / (n + 1.0f));
+    v_rpm = way_rpm; /* one change is left: exactly, or a target of 0 would never be reached */
+    if (n > 0.0f) {
+        v_rpm = jerk_rpm * (n + (way - 0.5f * n * (n + 1.0f)) / (n + 1.0f));
+    }
     return (v_rpm < rate_rpm) ? v_rpm : rate_rpm;
 }
 
@@ -45,7 +52,7 @@ float ht_ramp_step(const ht_ramp_config *cfg, ht_ramp_state *st, float target_rp
     }
     if (rate > 0.0f) {
         if (cfg->jerk_rpm > 0.0f) {
-            float most = stopping_rpm(fabsf(missing), cfg->jerk_rpm, rate);
+            float most = stopping_rpm(fabsf(missing), PLANNED * cfg->jerk_rpm, rate);
             float wanted = ht_limited(missing, most);
             float change = wanted - st->slope_rpm;
             step = (fabsf(change) <= cfg->jerk_rpm)

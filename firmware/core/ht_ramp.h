@@ -8,10 +8,9 @@
 #include <stdbool.h>
 
 typedef struct {
-    float up_rpm;   /**< the speed's size grows by this in a period at most; 0: at once */
-    float down_rpm; /**< and falls by this */
-    float
-        jerk_rpm; /**< by this the change of a period differs from the one before; 0: by any value */
+    float up_rpm;   /**< the size of the speed grows by this in a period at most; 0: at once */
+    float down_rpm; /**< it falls by this at most; 0: at once */
+    float jerk_rpm; /**< two successive changes differ by this at most; 0: no limit */
 } ht_ramp_config;
 
 typedef struct {
@@ -22,10 +21,10 @@ typedef struct {
 /** Go on from this speed, with a slope of 0. */
 void ht_ramp_reset(ht_ramp_state *st, float speed_rpm);
 
-/** One period on the way to `target_rpm`; returns the reference. It arrives without overshoot unless the
- *  target has come nearer than the jerk lets it stop. `held`:
- *  the drive cannot follow now, so the reference goes no further away from `measured_rpm`. A target that
- *  is NaN leaves it where it is. */
+/** One period on the way to `target_rpm`; returns the reference. It arrives without overshoot unless
+ *  the target comes nearer than the jerk lets it stop. While the drive cannot follow (`held`), the
+ *  reference goes no further away from `measured_rpm`. A target that is NaN or infinite leaves it
+ *  where it is. */
 float ht_ramp_step(const ht_ramp_config *cfg, ht_ramp_state *st, float target_rpm,
                    float measured_rpm, bool held);
 

@@ -38,7 +38,8 @@ DURATION_S = 2.0
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """The folder with the page."""
-    pytest.importorskip("ziglang", reason="pip install 'hexatorque[docs]'")
+    for name in ("ziglang", "zopfli"):
+        pytest.importorskip(name, reason="pip install 'hexatorque[docs]'")
     folder = tmp_path_factory.mktemp("web")
     web.build(folder, web.SETUPS)
     return folder

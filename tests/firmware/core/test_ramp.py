@@ -72,6 +72,23 @@ def test_the_way_takes_the_least_time_of_its_limits(start, target, rate, jerk):
     assert least - 2 <= taken <= 1.02 * least + 6
 
 
+@pytest.mark.parametrize(
+    ("start", "rate", "jerk"), ((-3874.875, 22.0, 4.75), (1813.75, 73.0, 31.0))
+)
+def test_a_stop_reaches_0_exactly(start, rate, jerk):
+    """With a rounded last change these two came ever nearer to 0 and never there, so that a stop
+    ended at its deadline only."""
+    assert len(ramped([rate, rate, jerk], start, 0.0)) < 1000
+
+
+@pytest.mark.parametrize("jerk", (0.125, 0.25))
+def test_many_small_changes_end_at_the_target(jerk):
+    """Rounding took the last change beyond the jerk, and the speed 13 steps of a float32 beyond
+    5350.875."""
+    way = ramped([21.25, 21.25, jerk], 0.0, 5350.875)
+    assert way.max() <= 5350.875 + SLACK
+
+
 @given(speeds, speeds, speeds, rates, jerks, st.integers(1, 60))
 @settings(max_examples=examples(100), deadline=None)
 def test_a_new_target_on_the_way_breaks_no_limit(start, first, then, rate, jerk, after):
