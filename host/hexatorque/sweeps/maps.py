@@ -1,9 +1,9 @@
 """Pictures of a study, a panel a figure.
 
-`draw`: over two keys a map for each scheme, over one a line for each; where points are drawn at
-random they are dots over the first two keys. `front`: over another figure, with the best
+`draw`: over two keys a map for each kind of drive, over one a line for each; where points are drawn
+at random they are dots over the first two keys. `front`: over another figure, with the best
 compromises. `sensitivity`: how much each key matters. `energies`: where the energy of
-a drive cycle goes.
+a drive cycle goes. A kind of drive is a scheme and a choice for each key whose values are words.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..setups import Setup
 from .cycle import Cycle
 from .errors import StudyError
 from .sensitivity import indices
-from .space import SCHEME, unit_of
+from .space import SCHEME, Axis, unit_of
 from .table import Results
 from .work import unit
 
@@ -39,13 +39,12 @@ def draw(results: Results, title: str, path: Path) -> Path:
     averaged."""
     cases = [results.space.case(int(n)) for n in np.flatnonzero(results.done)]
     rows = results.figures[results.done]
-    keys = [axis.path for axis in results.space.design.axes]
-    numeric = [key for key in keys if _varies([case.values[key] for case in cases])][:2]
+    numeric = [axis.path for axis in results.space.design.axes if _counts(axis)][:2]
     names = results.metrics[:MOST_FIGURES]
     if not cases or not numeric:
         raise StudyError("no picture: no key that is a number varies")
     over = np.array([[float(case.values[key]) for key in numeric] for case in cases])
-    schemes = [str(case.values.get(SCHEME, "")) for case in cases]
+    schemes = [_kind(results, int(n)) for n in np.flatnonzero(results.done)]
     panels = list(dict.fromkeys(schemes)) if len(numeric) == 2 else [""]
     figure, axes = new_figure(
         len(names), len(panels), PANEL_IN[1] * len(names), max(6.0, PANEL_IN[0] * len(panels))
@@ -75,7 +74,7 @@ def front(results: Results, title: str, over: str, path: Path) -> Path:
     if not names:
         raise StudyError(f"no picture: no other figure than {over}")
     numbers = np.flatnonzero(results.done)
-    schemes = np.array([str(results.space.case(int(n)).values.get(SCHEME, "")) for n in numbers])
+    schemes = np.array([_kind(results, int(n)) for n in numbers])
     x = results.figures[numbers, results.metrics.index(over)]
     figure, axes = new_figure(1, len(names), PANEL_IN[1] + 1.0, max(6.0, PANEL_IN[0] * len(names)))
     figure.suptitle(title, fontsize=11)
@@ -83,8 +82,9 @@ def front(results: Results, title: str, over: str, path: Path) -> Path:
         y = results.figures[numbers, results.metrics.index(name)]
         for scheme in dict.fromkeys(schemes):
             its = (schemes == scheme) & np.isfinite(x) & np.isfinite(y)
-            style = {"color": None, "marker": "o", **STYLE.get(scheme, {})}
-            (dots,) = ax.plot(x[its], y[its], ls="none", ms=3.0, alpha=0.45, mew=0, **style)
+            style = {"color": None, **_style(scheme, list(schemes))}
+            small = style | {"ls": "none", "ms": 3.0, "alpha": 0.45, "mew": 0}
+            (dots,) = ax.plot(x[its], y[its], **small)
             best = _best(x[its], y[its], name in MORE_IS_BETTER)
             style["color"] = dots.get_color()
             ax.plot(x[its][best], y[its][best], ms=4.5, lw=1.4, label=scheme or None, **style)
@@ -151,7 +151,7 @@ def energies(results: Results, title: str, cycle: Cycle, setup: Setup, path: Pat
     numbers = [int(n) for n in np.flatnonzero(results.done) if n not in results.failures]
     if not numbers:
         raise StudyError("no picture: no run has figures")
-    names = [str(results.space.case(n).values.get(SCHEME, "")) for n in numbers]
+    names = [_kind(results, n) for n in numbers]
     seen = list(dict.fromkeys(names))
 
     def mean(figure: str) -> np.ndarray:
@@ -200,9 +200,37 @@ def _save(figure: Any, path: Path) -> Path:
     return path
 
 
-def _varies(values: list[Any]) -> bool:
-    numbers = all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values)
-    return numbers and len(set(values)) > 1
+def over_numbers(results: Results) -> bool:
+    """Whether a key that is a number varies, so that there is something to draw over."""
+    return any(_counts(axis) for axis in results.space.design.axes)
+
+
+def _counts(axis: Axis) -> bool:
+    """Whether it is a number that varies."""
+    return axis.free and all(
+        isinstance(value, (int, float)) and not isinstance(value, bool) for value in axis.values
+    )
+
+
+def _kind(results: Results, number: int) -> str:
+    """The scheme of a run, and its choice for each key whose values are words."""
+    values = results.space.case(number).values
+    words = [
+        f"{axis.path.rpartition('.')[2]} {values[axis.path]}"
+        for axis in results.space.design.axes
+        if axis.free and axis.path != SCHEME and not _counts(axis)
+    ]
+    return ", ".join([str(values[SCHEME])] * (SCHEME in values) + words)
+
+
+def _style(kind: str, kinds: list[str]) -> dict[str, Any]:
+    """A scheme's own colour and marker. Its second and third kind have empty markers and dashes."""
+    scheme = kind.partition(",")[0]
+    alike = [one for one in dict.fromkeys(kinds) if one.partition(",")[0] == scheme]
+    style: dict[str, Any] = {"marker": "o", **STYLE.get(scheme, {})}
+    if at := alike.index(kind):
+        style |= {"ls": ("--", ":", "-.")[(at - 1) % 3], "mfc": "none"}
+    return style
 
 
 def _label(path: str) -> str:
@@ -222,7 +250,7 @@ def _mean(x: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _lines(ax: Any, x: np.ndarray, values: np.ndarray, schemes: np.ndarray) -> None:
     for scheme in dict.fromkeys(schemes):
         at, mean = _mean(x[schemes == scheme], values[schemes == scheme])
-        ax.plot(at, mean, markersize=4, label=scheme, **STYLE.get(scheme, {"marker": "o"}))
+        ax.plot(at, mean, markersize=4, label=scheme, **_style(scheme, list(schemes)))
     if any(schemes):
         ax.legend(frameon=False, fontsize=8)
 

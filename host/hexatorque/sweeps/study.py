@@ -240,7 +240,7 @@ class Study:
             return maps.sensitivity(self.results, self.title, Path(file))
         if self.over:
             return maps.front(self.results, self.title, self.over, Path(file))
-        if self.cycle and not self.space.design.axes:
+        if self.cycle and not maps.over_numbers(self.results):
             return maps.energies(self.results, self.title, self.cycle, self.setup, Path(file))
         return maps.draw(self.results, self.title, Path(file))
 

@@ -145,3 +145,44 @@ def test_the_study_of_a_cycle_and_its_picture(tmp_path):
     assert study.map(tmp_path / "m.png").read_bytes()[:4] == b"\x89PNG"
     assert study.save(tmp_path)[0].read_text().splitlines()[0].endswith("speed_error_rpm,failure")
     assert set(maps.PARTS) <= set(study.metrics)
+
+
+def test_each_choice_of_a_word_has_its_own_bar(tmp_path, monkeypatch):
+    keys = {"controller.flux_least_loss": ["off", "on"]}
+    study = files.read("cycle", {"schemes": ["ddr", "foc"], "vary": keys})
+    drawn = []
+    monkeypatch.setattr(maps, "_save", lambda figure, path: drawn.append(figure) or path)
+    for number in range(4):
+        least_loss = study.results.space.case(number).values["controller.flux_least_loss"] == "on"
+        study.results.add(Row(number, (1.0 if least_loss else 2.0,) * len(study.metrics)))
+    study.map(tmp_path / "m.png")
+    bars = drawn[0].axes[2]
+    assert {tick.get_text() for tick in bars.get_yticklabels()} == {
+        f"{scheme}, flux_least_loss {choice}" for scheme in ("ddr", "foc") for choice in ("off", "on")
+    }  # fmt: skip
+    said = {
+        tick.get_text(): text.get_text() for tick, text in zip(bars.get_yticklabels(), bars.texts)
+    }
+    assert said["ddr, flux_least_loss on"].startswith(" 1 Wh")
+    assert said["ddr, flux_least_loss off"].startswith(" 2 Wh")
+
+
+@pytest.mark.parametrize("over", [1, 2])
+def test_kinds_of_a_scheme_are_not_mixed_over_numbers(tmp_path, monkeypatch, over):
+    """They were averaged."""
+    keys = {"controller.flux_least_loss": ["off", "on"], "point.speed_rpm": [500, 1000]}
+    keys |= {"point.load_Nm": [1.0, 2.0]} if over == 2 else {}
+    study = Study("paper-b", keys, ["loss_W"], schemes=["ddr"])
+    drawn = []
+    monkeypatch.setattr(maps, "_save", lambda figure, path: drawn.append(figure) or path)
+    for number in range(len(study)):
+        least_loss = study.results.space.case(number).values["controller.flux_least_loss"] == "on"
+        study.results.add(Row(number, (1.0 if least_loss else 2.0,)))
+    study.map(tmp_path / "m.png")
+    if over == 2:
+        titles = [ax.get_title() for ax in drawn[0].axes]
+        assert "ddr, flux_least_loss on loss_W [W]" in titles
+        assert "ddr, flux_least_loss off loss_W [W]" in titles
+    else:
+        lines = {line.get_label(): set(line.get_ydata()) for line in drawn[0].axes[0].lines}
+        assert lines == {"ddr, flux_least_loss off": {2.0}, "ddr, flux_least_loss on": {1.0}}
