@@ -142,7 +142,7 @@ PARTS = {
     "conduction_loss_Wh": ("conduction", "#e69f00"),
     "switching_loss_Wh": ("switching", "#d55e00"),
 }
-REST = ("rotor and friction", "#999999")
+REST = ("rotor, iron and friction", "#999999")
 
 
 def energies(results: Results, title: str, cycle: Cycle, setup: Setup, path: Path) -> Path:
