@@ -157,11 +157,10 @@ def test_each_choice_of_a_word_has_its_own_bar(tmp_path, monkeypatch):
         study.results.add(Row(number, (1.0 if least_loss else 2.0,) * len(study.metrics)))
     study.map(tmp_path / "m.png")
     bars = drawn[0].axes[2]
-    assert {tick.get_text() for tick in bars.get_yticklabels()} == {
-        f"{scheme}, flux_least_loss {choice}" for scheme in ("ddr", "foc") for choice in ("off", "on")
-    }  # fmt: skip
-    said = {
-        tick.get_text(): text.get_text() for tick, text in zip(bars.get_yticklabels(), bars.texts)
+    names = [tick.get_text() for tick in bars.get_yticklabels()]
+    said = dict(zip(names, (text.get_text() for text in bars.texts)))
+    assert set(said) == {
+        f"{name}, flux_least_loss {choice}" for name in ("ddr", "foc") for choice in ("off", "on")
     }
     assert said["ddr, flux_least_loss on"].startswith(" 1 Wh")
     assert said["ddr, flux_least_loss off"].startswith(" 2 Wh")
