@@ -191,7 +191,7 @@ def test_no_flux_above_the_floor_has_clearly_less_loss(point):
     found = loss_W(setup, speed_rpm, torque_Nm)
     fluxes = np.geomspace(min(floor_Wb(setup), most_Wb), most_Wb, 8)
     losses = [loss_W(setup, speed_rpm, torque_Nm, flux) for flux in fluxes]
-    # A table's pattern scatters the loss from one flux to the next: the search has the best of eight.
+    # A table's pattern scatters the loss from flux to flux: the search has the best of eight.
     assert found <= (1.02 if scheme == "ddr" else 1.01) * np.nanmin(losses)
     assert found <= 1.01 * losses[-1]  # the constant flux
 
