@@ -42,7 +42,7 @@ MOST_TOLD = 0.97
 #: neither below nor above by more than these. Of the published machines the furthest is about half
 #: as far away.
 PRODUCT_FACTOR = 1.75
-SLIP_BELOW, SLIP_ABOVE = 8.0, 5.4
+SLIP_BELOW, SLIP_ABOVE = 8.0, 5.1
 #: So near to what is typical are numbers that may have been meant.
 PRODUCT_NEAR, SLIP_NEAR = 1.35, 4.0
 #: Ohms below which no voltage over its current is: the plate's two are then exchanged.

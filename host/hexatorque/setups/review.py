@@ -210,7 +210,7 @@ def refuse_impossible(setup: Setup) -> None:
 
 
 #: The least ratio of main to leakage inductance that any machine has: of the published
-#: machines the least is 10.7.
+#: machines the least is 7.6.
 LEAST_MAIN = 3.0
 #: Largest share of the voltage that the rated current takes in a winding's resistance: of published
 #: machines 0.12.

@@ -80,13 +80,13 @@ def test_no_phase_exceeds_its_limit(machine, scheme):
     assert row["largest_A"] < most_A + more_A
 
 
-@pytest.mark.parametrize("number", (23, 25, 45))
+@pytest.mark.parametrize("number", (25, 45, 183))
 @pytest.mark.parametrize("scheme", ("foc", "dtc3"))
 def test_leakage_that_is_larger_than_the_controller_knows(number, scheme):
     """Its 80 % of pull-out are more than what the machine has. The measured current limits it."""
     setup = plates.drive(*plates.machine(number))
     true = Design(setup, setup.parameter).unsaturated
-    assert true.sigma_ls_H > 1.5 * setup.parameter("sigma_ls_H")
+    assert true.sigma_ls_H > 1.4 * setup.parameter("sigma_ls_H")
     row = transients.course(setup, scheme)
     assert "over-current" not in row["lost"]
     assert row["largest_A"] < row["trip_A"]

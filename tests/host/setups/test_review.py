@@ -275,7 +275,7 @@ BY_RATIO = [("leakage", 20.0), ("L_m", 0.05)]
     ],
 )
 def test_an_element_that_no_machine_of_this_power_has_is_told(element, factor, verdict):
-    """Of published machines none is further than 3.2 times from what is usual."""
+    """Of published machines none is further than 3.7 times from what is usual."""
     setup = setups.parse(new.from_nameplate(PLATE, "x"), "x")
     own = usual_findings(setup)[element].value
     found = usual_findings(scaled(setup, ELEMENTS[element], factor / own))
@@ -303,7 +303,8 @@ def test_every_published_machine_is_one_that_machines_are_like():
         )  # fmt: skip
         changes = {f"machine__{n}": 2 * getattr(machine, n)
                    for n in ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")}  # fmt: skip
-        changes["machine__llr_H"] = max(changes["machine__llr_H"], 1e-6)
+        for name in ("machine__lls_H", "machine__llr_H"):
+            changes[name] = max(changes[name], 1e-6)
         setup = setups.parse(text, "x").changed(
             **changes, machine__pole_pairs=machine.pole_pairs, rated__current_A=one.plate.current_A,
             inverter__vdc_V=2 * machine.voltage_V, sensors__vdc_full_V=4 * machine.voltage_V,
