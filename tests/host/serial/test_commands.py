@@ -219,7 +219,7 @@ def test_a_capture_of_a_drive_that_was_stopped_for_silence_ends(call, board, tmp
     words = ("capture", "i_u1_A", "--start", *trigger, "-o", str(tmp_path / "never.csv"))
     process = background(*words, "--device", board)
     after = stopped_for_a_while(process, board)
-    out, err = process.communicate(timeout=30)  # nothing will ever trigger it
+    _, err = process.communicate(timeout=30)  # nothing will ever trigger it
     assert process.returncode == 1
     told(err, after)
     to_rest(board)
@@ -228,8 +228,8 @@ def test_a_capture_of_a_drive_that_was_stopped_for_silence_ends(call, board, tmp
 def test_a_commissioning_that_was_stopped_for_silence_says_so(call, board):
     words = ("commission", "--steps", "resistance", "--json")
     process = background(*words, "--device", board)
-    after = stopped_for_a_while(process, board, "test")
-    out, err = process.communicate(timeout=60)
+    after = stopped_for_a_while(process, board, firmware.TEST)
+    _, err = process.communicate(timeout=60)
     assert process.returncode == 1
     told(err, after)
     to_rest(board)
