@@ -19,19 +19,15 @@
 static void cosine_and_sine(float angle, float *cosine, float *sine)
 {
     float x = angle * angle;
-    *cosine = 1.0f
-              + x
-                    * (-1.0f / 2.0f
-                       + x
-                             * (1.0f / 24.0f
-                                + x
-                                      * (-1.0f / 720.0f
-                                         + x * (1.0f / 40320.0f - x * (1.0f / 3628800.0f)))));
-    *sine = angle
-            * (1.0f
-               + x
-                     * (-1.0f / 6.0f
-                        + x * (1.0f / 120.0f + x * (-1.0f / 5040.0f + x * (1.0f / 362880.0f)))));
+    float c = 1.0f / 40320.0f - x * (1.0f / 3628800.0f);
+    float s = -1.0f / 5040.0f + x * (1.0f / 362880.0f);
+    c = -1.0f / 720.0f + x * c;
+    c = 1.0f / 24.0f + x * c;
+    c = -1.0f / 2.0f + x * c;
+    s = 1.0f / 120.0f + x * s;
+    s = -1.0f / 6.0f + x * s;
+    *cosine = 1.0f + x * c;
+    *sine = angle * (1.0f + x * s);
 }
 
 void ht_excitation_configure(const ht_params *p, ht_excitation_config *c)

@@ -166,26 +166,27 @@ ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *
     ht_ab leaks = {in->psi_Wb.alpha - in->rotor_Wb.alpha, in->psi_Wb.beta - in->rotor_Wb.beta};
     ht_ab moves = {-turn * in->rotor_Wb.beta, turn * in->rotor_Wb.alpha};
     ht_vsd v = v_pu;
-    float w[2];  /* a.v_ab - b.v_xy, along and across */
-    float up[2]; /* voltage of the lost leg's terminal */
+    float phase[2];    /* a.v_ab - b.v_xy, along and across */
+    float terminal[2]; /* voltage of the lost leg's terminal */
     uint16_t n;
-    w[1] = along(lost->axis[1].a, v_pu.ab) - along_xy(lost->axis[1].b, v_pu.xy);
+    phase[1] = along(lost->axis[1].a, v_pu.ab) - along_xy(lost->axis[1].b, v_pu.xy);
     for (n = 0u; n < lost->axes; n++) {
         const ht_lost_axis *x = &lost->axis[n];
         float law = along(x->a, v_pu.ab);
         float i = per_ohm * along(x->a, leaks);
         float drop = in->rs_ohm * i;
         float more = drop + 2.0f * x->more_ohm * i;
-        w[n] = ht_limited(law + kappa * (law - drop - along(x->a, moves)) + more, MOST_PU);
-        up[n] = 2.0f * law - w[n];
+        phase[n] = ht_limited(law + kappa * (law - drop - along(x->a, moves)) + more, MOST_PU);
+        terminal[n] = 2.0f * law - phase[n];
     }
     for (n = 0u; n < lost->axes; n++) {
         const ht_lost_axis *x = &lost->axis[n];
-        /* The set's other two legs are at minus half of this sum, plus and minus cos 30 w. */
-        float room = CLAMP_ROOM * (1.0f - COS_30 * fabsf(w[1u - n]));
-        float sum = lost->set ? 0.0f : ht_limited(CLAMP_GAIN * up[n], (room > 0.0f) ? room : 0.0f);
-        float more = 0.5f * (sum + w[n]) - along(x->a, v_pu.ab);
-        float more_xy = 0.5f * (sum - w[n]) - along_xy(x->b, v_pu.xy);
+        /* The set's other two legs are at minus half of this sum, plus and minus cos 30 of `phase`. */
+        float room = CLAMP_ROOM * (1.0f - COS_30 * fabsf(phase[1u - n]));
+        float sum = lost->set ? 0.0f
+                              : ht_limited(CLAMP_GAIN * terminal[n], (room > 0.0f) ? room : 0.0f);
+        float more = 0.5f * (sum + phase[n]) - along(x->a, v_pu.ab);
+        float more_xy = 0.5f * (sum - phase[n]) - along_xy(x->b, v_pu.xy);
         v.ab.alpha += more * x->a.alpha;
         v.ab.beta += more * x->a.beta;
         v.xy.x += more_xy * x->b.x;

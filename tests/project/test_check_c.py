@@ -19,7 +19,8 @@ PART = (
     "core/ht_schemes.h", "core/ht_schemes.def", "core/ht_laws.def", "core/ht_limited.h",
     "port/c2000/ht_c2000_map.h", "port/c2000/ht_chips.def",
     *(f"port/c2000/{path.name}" for path in (ROOT / "firmware/port/c2000").glob("ht_family_*.def")),
-    "port/c2000/ht_c2000_map.c", "port/c2000/ht_reg.h", "port/c2000/image/ht_wait.c",
+    "port/c2000/ht_c2000_map.c", "port/c2000/ht_reg.h", "port/c2000/ht_reg_chip.h",
+    "port/c2000/image/ht_wait.c",
     "port/host/ht_registers.h", "port/host/ht_registers_common.c",
 )  # fmt: skip
 

@@ -16,7 +16,6 @@
  *  the pulse, which would trip. */
 #define HT_TSCTR 0x00u /* 32 bits */
 #define HT_DEAD_MAN_PULSE 100u
-#define HT_TCR_WIND 0x4020u /* TIE, TRB */
 
 /** With the legs tripped and the counters stopped. */
 void ht_dead_man_start(ht_port *port, uint16_t period_counts);

@@ -94,10 +94,10 @@ uint32_t ht_eqep_position(const ht_port *port);
 /** A timer's period, 32 bits, and its control: words from its first register. */
 #define HT_TIMER_PRD 0x02u
 #define HT_TCR 0x04u
+/** Let the timer begin anew; its interrupt stays enabled. */
+#define HT_TCR_WIND 0x4020u /* TIE, TRB */
 
 void ht_timer_start(ht_port *port, float slow_Hz);
-/** Has it expired since the last call? For a background without interrupts. */
-bool ht_timer_passed(ht_port *port);
 /* A CPU timer, given by its first register, as a counter without interrupt. */
 /** Stop it and let it begin at `from`; it counts down. */
 void ht_counter_prepare(ht_port *port, uint32_t timer, uint32_t from);

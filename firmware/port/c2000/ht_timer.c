@@ -40,12 +40,3 @@ uint32_t ht_counter_stop(ht_port *port, uint32_t timer)
     HT_WR16(port->io, timer + HT_TCR, TCR_STOP);
     return HT_RD32(port->io, timer + HT_TIMER_PRD) - HT_RD32(port->io, timer + TIM);
 }
-
-bool ht_timer_passed(ht_port *port)
-{
-    bool passed = ht_counter_passed(port, HT_TIMER0);
-    if (passed) {
-        HT_WR16(port->io, HT_TIMER0 + HT_TCR, TCR_INTERRUPT | TCR_FLAG);
-    }
-    return passed;
-}

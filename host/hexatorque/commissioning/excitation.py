@@ -153,6 +153,7 @@ class Excitation:
                         "the board has not calibrated its current sensors within "
                         f"{CALIBRATED_S:g} s"
                     )
+                self.drive.check()
                 raise CommissioningError("somebody has stopped the drive")
             if "over-speed" in causes:
                 raise CommissioningError(

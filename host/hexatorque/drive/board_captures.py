@@ -74,6 +74,8 @@ def wait(client: Client, timeout_s: float | None, manual: bool) -> CaptureReply:
         at = client.get_status().capture
         if at == CaptureState.COMPLETE:
             return state(client)
+        if client.stopped:
+            raise LinkError(str(client.stopped))
         if at == CaptureState.NONE:
             raise LinkError("capture: none is armed")
         if at == CaptureState.WAITING and manual:

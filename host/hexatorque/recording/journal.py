@@ -88,7 +88,8 @@ def counters_line(counters: dict) -> bytes:
 
 
 def read(file: BinaryIO) -> tuple[Stream, np.ndarray, dict]:
-    """The stream, the rows and the counters of an open journal."""
+    """The stream, the rows and the counters of an open journal. The rows stay in the file: a
+    recording of hours may be larger than the memory."""
     file.seek(0)
     stream = Stream.from_json(json.loads(file.readline(LONGEST_HEADER)))
     line = file.read(COUNTERS_LINE)
@@ -96,15 +97,17 @@ def read(file: BinaryIO) -> tuple[Stream, np.ndarray, dict]:
         counters = json.loads(line)
     except ValueError:  # writing this line was interrupted: the rows are still good
         counters = {}
-    raw = file.read()
-    whole = len(raw) - len(raw) % stream.row.itemsize
-    return stream, np.frombuffer(raw[:whole], stream.row), counters
+    begin = file.tell()
+    n = (file.seek(0, 2) - begin) // stream.row.itemsize
+    rows = np.memmap(file, stream.row, "r", begin, (n,)) if n else np.zeros(0, stream.row)
+    return stream, rows, counters
 
 
 def load(path: Path) -> Recording:
     """The recording in a journal that was not closed."""
     with path.open("rb") as file:
         stream, rows, counters = read(file)
+        rows = np.array(rows)  # whoever writes it may cut the file
     return assemble(stream, rows["tick"], rows["values"], counters, closed=False)
 
 
@@ -174,7 +177,7 @@ def assemble(
     are NaN, and the metadata give their number."""
     places, kept = ascending(ticks, stream.decimation)
     samples = int(places[-1]) + 1 if len(places) else 0
-    table = fill(places, np.asarray(values[kept], np.float32))
+    table = fill(places, values if kept.all() else np.asarray(values[kept], np.float32))
     meta = metadata(
         stream,
         int(ticks[0]) if len(ticks) else None,
@@ -183,8 +186,5 @@ def assemble(
         {"unusable_rows": int(np.sum(~kept)), **counters},
         closed,
     )
-    channels = {
-        name: np.ascontiguousarray(table[:, column], np.float32)
-        for column, (name, _) in enumerate(stream.channels)
-    }
+    channels = {name: table[:, column] for column, (name, _) in enumerate(stream.channels)}
     return Recording(stream.rate_Hz, channels, dict(stream.channels), meta, stream.start_s)

@@ -252,7 +252,7 @@ class Recording:
 
     @staticmethod
     def load(path: str | Path) -> Recording:
-        """Read a file from `save` or `writer`, or the journal (.part) of a recording that was not
+        """Read a file from `save` or `Writer`, or the journal (.part) of a recording that was not
         closed. RecordingError if that is not possible."""
         path = Path(path)
         reader = formats.reader(path)

@@ -7,6 +7,7 @@ import pytest
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.firmware import BUILD, CALIBRATE
 from hexatorque.setups import SetupError, parameters
 from hexatorque.setups.design import Design
 
@@ -29,7 +30,7 @@ def begun(name, scheme, start_deg=100.0, **more):
     setup = setups.load(name).with_scheme(scheme, machine__start_deg=start_deg, **more)
     drive = SimulatedDrive(setup, SAMPLES)
     drive.start()
-    while drive.time_s < ALIGNED_S and drive.state in ("calibrate", "build"):
+    while drive.time_s < ALIGNED_S and drive.state in (CALIBRATE, BUILD):
         drive.run(0.1, record=False)
     return drive, Design(setup, parameters(setup).__getitem__)
 

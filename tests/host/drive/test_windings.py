@@ -8,6 +8,7 @@ import pytest
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.errors import InputError
+from hexatorque.firmware import BUILD, CALIBRATE
 from hexatorque.plant.vsd import PHASES
 from hexatorque.setups import parameters
 from hexatorque.setups.design import Design
@@ -33,7 +34,7 @@ def begun(name, displacement_deg, scheme, **more):
     )
     drive = SimulatedDrive(setup, SAMPLES)
     drive.start()
-    while drive.time_s < 5 and drive.state in ("calibrate", "build"):
+    while drive.time_s < 5 and drive.state in (CALIBRATE, BUILD):
         drive.run(0.1, record=False)
     return drive, Design(setup, parameters(setup).__getitem__)
 

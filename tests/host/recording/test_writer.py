@@ -11,6 +11,7 @@ import struct
 import subprocess
 import sys
 import time
+import tracemalloc
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -456,3 +457,22 @@ def test_a_csv_deleted_after_a_crash_can_be_recorded_again(tmp_path):
     (tmp_path / "rec.csv").unlink()  # its .json stays
     Writer.open(tmp_path / "rec.csv", STREAM).close()
     Writer.open(tmp_path / "rec.csv", STREAM).close()  # a closed one is written again
+
+
+def test_the_end_of_a_long_recording_needs_less_memory_than_it_has_samples(suffix, tmp_path):
+    """One of an hour is larger than the memory of a small computer."""
+    if suffix in (".mf4", ".parquet"):
+        pytest.skip("the library has it all in memory")
+    stream = Stream(tuple((f"c{n}_A", "A") for n in range(40)), 1e4)
+    block = np.ones((10_000, 40), np.float32)
+    writer = Writer.open(tmp_path / f"long{suffix}", stream)
+    for n in range(20):
+        writer.append(np.arange(len(block)) + n * len(block), block)
+    tracemalloc.start()
+    try:
+        writer.close()
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert len(Recording.load(writer.path)) == 200_000
+    assert peak < 0.5 * 20 * block.nbytes

@@ -13,6 +13,7 @@ import pytest
 from forked import Forked
 from waiting import until
 
+from hexatorque import firmware
 from hexatorque.cli.board.curves import Curves, braille
 from hexatorque.cli.main import main
 from hexatorque.drive.board import BoardDrive
@@ -166,10 +167,11 @@ def test_a_start_is_guarded_and_ended_by_a_signal(call, board):
         to_rest(board)
 
 
-def stopped_for_a_while(process: Forked, board: str) -> int:
-    """Stop the process until its drive is off. Returns the board's tick before."""
+def stopped_for_a_while(process: Forked, board: str, state: str = firmware.RUN) -> int:
+    """Stop the process, once its drive is in this state, until the drive is off. Returns the
+    board's tick before."""
     with BoardDrive.open(board) as watch:
-        until(lambda: watch.state == "run" or process.poll() is not None)
+        until(lambda: watch.state == state or process.poll() is not None)
         assert process.poll() is None
         tick = watch.client.latest.tick
         process.send_signal(signal.SIGSTOP)
@@ -209,6 +211,27 @@ def test_a_recording_of_a_drive_that_was_stopped_for_silence_says_so(call, board
     recording = Recording.load(file)
     told(recording.meta["ended"], after)
     assert recording.meta["lost_samples"] == 0 and recording.meta["closed"]
+    to_rest(board)
+
+
+def test_a_capture_of_a_drive_that_was_stopped_for_silence_ends(call, board, tmp_path):
+    trigger = ("--trigger", "rising:i_u1_A:900")
+    words = ("capture", "i_u1_A", "--start", *trigger, "-o", str(tmp_path / "never.csv"))
+    process = background(*words, "--device", board)
+    after = stopped_for_a_while(process, board)
+    _, err = process.communicate(timeout=30)  # nothing will ever trigger it
+    assert process.returncode == 1
+    told(err, after)
+    to_rest(board)
+
+
+def test_a_commissioning_that_was_stopped_for_silence_says_so(call, board):
+    words = ("commission", "--steps", "resistance", "--json")
+    process = background(*words, "--device", board)
+    after = stopped_for_a_while(process, board, firmware.TEST)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 1
+    told(err, after)
     to_rest(board)
 
 

@@ -6,11 +6,6 @@
 #include "ht_drivers.h"
 #include "ht_image.h"
 
-/* CPU timer 0, the slow interrupt's. */
-#define TIMER0_TCR 0x0C04u
-#define TCR_INTERRUPT 0x4000u
-#define TCR_RELOAD 0x0020u
-
 void ht_flash_serve(ht_port *port)
 {
     ht_watchdog_first(port);
@@ -61,7 +56,7 @@ static bool write_block(void *at, uint16_t area, uint16_t block, const uint16_t 
     ht_flash_serve(port);
     /* A slow interrupt that was held off comes now; the next one a whole period after it, and not
      * with no fast one in between. */
-    HT_WR16(port->io, TIMER0_TCR, TCR_INTERRUPT | TCR_RELOAD);
+    HT_WR16(port->io, HT_TIMER0 + HT_TCR, HT_TCR_WIND);
     HT_EINT(port->io);
     return good;
 }
