@@ -99,13 +99,15 @@ def examples(machine: Machine) -> tuple[Example, Example]:
 
 @dataclass(frozen=True)
 class Typical:
-    """Lines over the power. Resistance, leakage: in units of voltage over current of a phase.
-    starting: that of the rotor alone, in seconds in which rated power reaches rated speed, twice
-    its kinetic energy over the power. rs_factor: how far single machines are from the line."""
+    """Lines over the power. Resistances, leakage, main inductance: in units of voltage over current
+    of a phase. starting: that of the rotor alone, in seconds in which rated power reaches rated
+    speed, twice its kinetic energy over the power. rs_factor: how far single machines are from the
+    line."""
 
     rs: Line
     rr: Line
     leakage: Line
+    main: Line
     product: Line
     starting_s: Line
     rs_factor: float
@@ -115,7 +117,8 @@ def typical_of(known: Sequence[Machine]) -> Typical:
     of = [examples(machine)[0] for machine in known]
     power = [one.plate.power_kW for one in of]
     elements = [per_unit(one) for one in of]
-    rs, rr, leakage = ([each[name] for each in elements] for name in ("R_s", "R_r", "leakage"))
+    names = ("R_s", "R_r", "leakage", "L_m")
+    rs, rr, leakage, main = ([each[name] for each in elements] for name in names)
     started = [
         (kW, one.machine.inertia_kgm2 * one.machine.synchronous_rad_s**2 / (1e3 * kW))
         for one, kW in zip(of, power)
@@ -126,6 +129,7 @@ def typical_of(known: Sequence[Machine]) -> Typical:
         line,
         through(zip(power, rr)),
         through(zip(power, leakage)),
+        through(zip(power, main)),
         through((one.plate.power_kW, one.plate.product) for one in of),
         through(started),
         factor_of(value / line.at(kW) for value, kW in zip(rs, power)),
@@ -292,10 +296,17 @@ def ratios(one: Example, of: Typical) -> Iterable[tuple[bool, dict[str, float]]]
 @dataclass(frozen=True)
 class Spread:
     """What to divide and to multiply an estimate by for its range, by name and by whether the power
-    factor was told; and the same of the inertia."""
+    factor was told; and the same of the inertia, with the rated speed told, and of a rated speed
+    that follows from the circuit."""
 
     factors: dict[str, dict[bool, float]]
     inertia: float
+    speed: float
+
+    @property
+    def untold_inertia(self) -> float:
+        """Of the inertia, which goes with the square of the speed. Both errors by chance."""
+        return math.exp(math.hypot(math.log(self.inertia), 2 * math.log(self.speed)))
 
 
 def spread_of(known: Sequence[Machine]) -> Spread:
@@ -304,7 +315,10 @@ def spread_of(known: Sequence[Machine]) -> Spread:
         name: {told: factor_of(ratios) for told, ratios in by_told.items()}
         for name, by_told in found.items()
     }
-    return Spread(factors, factor_of(inertia_errors(known), INERTIA_HELD))
+    inertia, speed = (
+        factor_of(errors_of(known), INERTIA_HELD) for errors_of in (inertia_errors, speed_errors)
+    )
+    return Spread(factors, inertia, speed)
 
 
 def inertia_errors(known: Sequence[Machine]) -> list[float]:
@@ -317,6 +331,28 @@ def inertia_errors(known: Sequence[Machine]) -> list[float]:
             synchronous_rpm = 60 * plate.frequency_Hz / plate.pole_pairs
             found.append(rotor_kgm2(plate.power_kW, synchronous_rpm, of) / machine.inertia_kgm2)
     return found
+
+
+def speed_errors(known: Sequence[Machine]) -> list[float]:
+    """Estimate over truth of the rated speed from the circuit, each from the other machines."""
+    found = []
+    for machine in known:
+        of = typical_of([other for other in known if other is not machine])
+        plate, circuit = (one := examples(machine)[0]).plate, one.circuit
+        turned_rad_s = speed_of(plate.base_ohm, plate.power_kW, circuit.lls_H, circuit.lm_H, of)
+        found.append(turned_rad_s / (2 * math.pi * plate.frequency_Hz))
+    return found
+
+
+def speed_of(
+    base_ohm: float, power_kW: float, leakage_H: float, lm_H: float, of: Typical | None = None
+) -> float:
+    """Electrical speed at which a machine of this power has the usual leakage and L_m, in units of
+    its rated voltage over its rated current. Each of the two says so by itself: their mean, in the
+    logarithm."""
+    of = of or typical()
+    usual_H2 = of.leakage.at(power_kW) * of.main.at(power_kW)
+    return base_ohm * math.sqrt(usual_H2 / (leakage_H * lm_H))
 
 
 def rotor_kgm2(power_kW: float, speed_rpm: float, of: Typical | None = None) -> float:
