@@ -24,6 +24,7 @@ from typing import Any
 from ..chips import number_of, range_of
 from ..plant.machines import constants_of
 from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Design, rad_s, rpm
+from .keys import ESTIMATED, USER
 from .values import Values
 
 #: What a set-up has where it leaves a parameter open: see above.
@@ -54,12 +55,15 @@ LEAST_NM, MOST_NM = range_of("torque_limit_Nm")
 RUNAWAY = 0.3
 #: The stator resistance in use may be so far off, where the speed does not let it adapt.
 RESISTANCE_OFF = 0.15
+#: L_m at the flux reference over one that is told or estimated: unsaturated, a machine has 1.1 to
+#: 1.8 times as much as at its rated flux. The magnetising current is then as many times smaller.
+MORE_MAIN = 1.5
 #: Low pass of the lost leg's residual.
 LEAST_SAMPLES = number_of("core/ht_voltage_law.h", "HT_LEAST_SAMPLES")
 LOSS_FILTER_S = number_of("core/ht_leg_loss.h", "HT_LEG_LOSS_FILTER_S")
 #: Slow periods in 2 pi of the speed loop's corner.
 SLOW_PER_CORNER = 30
-#: A shaft may be so many times lighter than one whose inertia is only assumed. The loop is then as
+#: A shaft may be so many times lighter than one whose inertia is an estimate. The loop is then as
 #: many times quicker: from about six times on it is unstable at SLOW_PER_CORNER.
 LIGHTER = 5
 
@@ -216,14 +220,19 @@ def _stiff_Hz(k: Known) -> float:
     return min(enough, default=max(fit))
 
 
-def _assumed_inertia(k: Known) -> bool:
-    given = k.setup.values["machine"].get("inertia_kgm2")
-    return given is not None and given.tag == "assumed"
+def _tag(k: Known, name: str) -> str:
+    """Where a value of the machine is from."""
+    given = k.setup.values["machine"].get(name)
+    return given.tag if given else ""
+
+
+def _estimated_inertia(k: Known) -> bool:
+    return _tag(k, "inertia_kgm2") == ESTIMATED
 
 
 def _f_slow_Hz(k: Known) -> float:
     fit, wanted_Hz = _fitting_Hz(k), _stiff_Hz(k)
-    if _assumed_inertia(k):
+    if _estimated_inertia(k):
         wanted_Hz *= LIGHTER
     return min((f for f in fit if f >= wanted_Hz), default=max(fit))
 
@@ -231,7 +240,7 @@ def _f_slow_Hz(k: Known) -> float:
 def _loop_rad_s(k: Known) -> float:
     """Corner of the speed loop."""
     f_slow_Hz: float = k["f_slow_Hz"]
-    return corner_rad_s(min(f_slow_Hz, _stiff_Hz(k)) if _assumed_inertia(k) else f_slow_Hz)
+    return corner_rad_s(min(f_slow_Hz, _stiff_Hz(k)) if _estimated_inertia(k) else f_slow_Hz)
 
 
 def _torque_limit_Nm(k: Known) -> float:
@@ -264,7 +273,9 @@ def _crossover_Hz(k: Known) -> float:
 
 def _flux_check(k: Known) -> float:
     moved_Wb_s = RESISTANCE_OFF * k["rs_ohm"] * k.current_A(k["torque_limit_Nm"])
-    return min(max(0.7, 1.5 * k.ripple, k.rotor_s * moved_Wb_s / k.flux_Wb), 10.0)
+    known = max(0.7, 1.5 * k.ripple, k.rotor_s * moved_Wb_s / k.flux_Wb)
+    told = _tag(k, "lm_H") in (USER, ESTIMATED)
+    return min(known + (1 - 1 / MORE_MAIN if told else 0.0), 10.0)
 
 
 def corner_rad_s(f_slow_Hz: float) -> float:
@@ -305,7 +316,8 @@ OPEN: dict[str, Rule] = {
     ),
     "f_slow_Hz": Rule(
         "the lowest of 100, 200, 500, 1000 Hz with which the shaft runs away by 30 % of rated "
-        "speed at most when the rated load drops; five times as much with an assumed inertia",
+        "speed at most when the rated load drops; five times as much where the inertia is an "
+        "estimate",
         _f_slow_Hz,
     ),
     "table": Rule("75/105, which reaches the full voltage", lambda k: "75/105"),
@@ -331,7 +343,7 @@ OPEN: dict[str, Rule] = {
         _torque_limit_Nm,
     ),
     "kp_speed_Nms_rad": Rule(
-        "inertia times the loop's corner, 2 pi f_slow_Hz / 30, with an assumed inertia 2 pi / 30 "
+        "inertia times the loop's corner, 2 pi f_slow_Hz / 30; where it is an estimate 2 pi / 30 "
         "times the frequency that suffices",
         lambda k: min(k.machine.inertia_kgm2 * _loop_rad_s(k), 1e5),
     ),
@@ -376,7 +388,9 @@ OPEN: dict[str, Rule] = {
     "flux_check": Rule(
         "0.7, but 1.5 times the current step of one period at least, and at least 15 % of "
         "L_r/R_r R_s times the current at the torque limit over the flux, in no-load currents: at "
-        "low speed a resistance that is so far off moves the flux as fast, and the rotor follows",
+        "low speed a resistance that is so far off moves the flux as fast, and the rotor follows; "
+        "a third more where lm_H is told or an estimate: a machine with 1.5 times as much takes so "
+        "much less",
         _flux_check,
     ),
     "encoder_trip_rpm": Rule(

@@ -10,7 +10,18 @@ from typing import Any
 from ..given import choice, real, suggest
 from .design import REACH_PU, USABLE, rad_s, rpm
 from .estimate import estimate, ranges, rotor_kgm2, speed_of, spread
-from .keys import DEVICES, KEYS, LXY_LEAST, LXY_SHARE, MODEL, MOST_NM, MOST_RPM, MOST_V, Key
+from .keys import (
+    DEVICES,
+    ESTIMATED,
+    KEYS,
+    LXY_LEAST,
+    LXY_SHARE,
+    MODEL,
+    MOST_NM,
+    MOST_RPM,
+    MOST_V,
+    Key,
+)
 from .mistyped import shifted
 from .nameplate import FRICTION, IRON, THREE_PHASE, Nameplate, ThreePhase
 from .published import equal_leakages, machines
@@ -195,7 +206,7 @@ def from_nameplate(text: str, title: str) -> str:
     machine = {
         "pole_pairs": (plate.pole_pairs, "", "nameplate"),
         **{
-            name: (getattr(circuit, name), "assumed", words[name])
+            name: (getattr(circuit, name), ESTIMATED, words[name])
             for name in ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")
         },
         **_beside_circuit(given, circuit.lls_H),
@@ -204,7 +215,7 @@ def from_nameplate(text: str, title: str) -> str:
         "torque_Nm": (circuit.torque_Nm, "", "power over speed"),
         "speed_rpm": (plate.speed_rpm, "", "nameplate"),
         "current_A": (plate.current_A, "", "nameplate"),
-        "flux_Wb": (circuit.flux_Wb, "assumed", words["flux_Wb"]),
+        "flux_Wb": (circuit.flux_Wb, ESTIMATED, words["flux_Wb"]),
     }
     controller = {} if plate.pull_out else _careful_steps("leakages are estimates")
     return _text(title, head, machine, rated, given, controller)
@@ -355,11 +366,13 @@ def suggestion(name: str, given: dict[str, Any]) -> Any:
     return None
 
 
-def _chosen(name: str, given: dict[str, Any], note: str, **known: float) -> tuple:
+def _chosen(
+    name: str, given: dict[str, Any], note: str, tag: str = "assumed", **known: float
+) -> tuple:
     """The row of a value that was given, or of the suggestion for it."""
     if given[name]:
         return (given[name], "", "")
-    return (suggestion(name, {**given, **known}), "assumed", note)
+    return (suggestion(name, {**given, **known}), tag, note)
 
 
 def _beside_circuit(given: dict[str, Any], lls_H: float) -> dict[str, tuple]:
@@ -375,12 +388,14 @@ def _beside_circuit(given: dict[str, Any], lls_H: float) -> dict[str, tuple]:
             "lxy_H",
             given,
             f"{LXY_SHARE:g} of the stator leakage; {LXY_LEAST * lls_H:.3g} .. {lls_H:.3g}",
+            ESTIMATED,
             lls_H=lls_H,
         ),
         "inertia_kgm2": _chosen(
             "inertia_kgm2",
             given,
             f"usual for this power and {of}, with an equal load; {low} .. {high}",
+            ESTIMATED,
         ),
     }
 
