@@ -45,6 +45,8 @@ PRODUCT_FACTOR = 1.75
 SLIP_BELOW, SLIP_ABOVE = 8.0, 5.4
 #: So near to what is typical are numbers that may have been meant.
 PRODUCT_NEAR, SLIP_NEAR = 1.35, 4.0
+#: Efficiency times power factor of a machine of which they are not told.
+PRODUCT = 0.75
 #: Ohms below which no voltage over its current is: the plate's two are then exchanged.
 LEAST_OHM = 0.1
 #: Share of the machines that the inertia's range is to hold: some sources include a load.
@@ -153,6 +155,10 @@ def per_unit(one: Example) -> dict[str, float]:
     }
 
 
+#: The same whatever voltage, current and speed the machine is for.
+MAIN_OVER_LEAKAGE = "L_m over the leakage"
+
+
 @dataclass(frozen=True)
 class Usual:
     """An element in these units over the power, and by which factor the published machine that is
@@ -166,8 +172,10 @@ class Usual:
 def usual() -> dict[str, Usual]:
     of = [examples(machine)[0] for machine in machines()]
     found = {}
-    for name in per_unit(of[0]):
-        points = [(one.plate.power_kW, per_unit(one)[name]) for one in of]
+    rows = [per_unit(one) for one in of]
+    rows = [{**row, MAIN_OVER_LEAKAGE: row["L_m"] / row["leakage"]} for row in rows]
+    for name in rows[0]:
+        points = [(one.plate.power_kW, row[name]) for one, row in zip(of, rows)]
         line = through(points)
         found[name] = Usual(line, factor_of((v / line.at(kW) for kW, v in points), 1.0))
     return found

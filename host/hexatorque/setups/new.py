@@ -9,7 +9,7 @@ from typing import Any
 
 from ..given import choice, real, suggest
 from .design import REACH_PU, USABLE, rad_s, rpm
-from .estimate import estimate, ranges, rotor_kgm2, speed_of, spread
+from .estimate import PRODUCT, estimate, ranges, rotor_kgm2, speed_of, spread
 from .keys import (
     DEVICES,
     ESTIMATED,
@@ -303,10 +303,6 @@ def inertia_of(power_kW: float, speed_rpm: float) -> float:
     return min(max(2 * rotor_kgm2(power_kW, max(speed_rpm, 1.0)), allowed.min), allowed.max)
 
 
-#: Efficiency times power factor of a machine of which they are not told.
-PRODUCT = 0.75
-
-
 def _peak_V(given: dict[str, Any]) -> float:
     """Amplitude of the phase voltage for which a machine on this dc link is wound."""
     return REACH_PU * USABLE * given["vdc_V"]
@@ -444,13 +440,13 @@ def _text(
     return "\n".join(lines)
 
 
-def with_best_scheme(text: str, name: str) -> tuple[str, str, str]:
+def with_best_scheme(text: str, name: str) -> tuple[str, str, str, list[str]]:
     """The text of a new set-up with the scheme that the review finds best for its machine; that
-    scheme, and why. If none is ready the scheme is empty, and the reason says what would help.
-    SetupError if no machine has such numbers."""
+    scheme, and why; a line for each number that is unusual. If none is ready the scheme is empty,
+    and the reason says what would help. SetupError if no machine has such numbers."""
     from .. import firmware
     from .loading import parse
-    from .review import best, none_ready, refuse_impossible, review
+    from .review import best, none_ready, refuse_impossible, review, unusual
 
     setup = parse(text, name)
     refuse_impossible(setup)
@@ -459,7 +455,7 @@ def with_best_scheme(text: str, name: str) -> tuple[str, str, str]:
     scheme, why = best(findings, schemes)
     why = why or none_ready(findings, schemes)
     line = f"# {why}\n{SCHEME_LINE.format(scheme or FALLBACK)}"
-    return text.replace(SCHEME_LINE.format(FALLBACK), line), scheme, why
+    return text.replace(SCHEME_LINE.format(FALLBACK), line), scheme, why, unusual(findings)
 
 
 def _line(name: str, row: tuple, key: Key) -> str:
