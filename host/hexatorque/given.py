@@ -95,10 +95,11 @@ def suggest(word: str, known: Iterable[str]) -> str:
 
 
 def other_file(path: Path) -> str:
-    """For the end of a line about a file that is not there: the one beside it that was meant."""
+    """For the end of a line about a file that is not there: the one beside it that was meant. The
+    suffix, which they have in common, makes no name like another one."""
     try:
-        names = [other.name for other in path.parent.iterdir() if other.suffix == path.suffix]
+        stems = [other.stem for other in path.parent.iterdir() if other.suffix == path.suffix]
     except OSError:  # there is no such folder
         return ""
-    close = difflib.get_close_matches(path.name, names, 1)
-    return f"; did you mean {str(path.parent / close[0])!r}?" if close else ""
+    close = difflib.get_close_matches(path.stem, stems, 1)
+    return f"; did you mean {str(path.parent / (close[0] + path.suffix))!r}?" if close else ""

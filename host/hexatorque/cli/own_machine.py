@@ -79,11 +79,13 @@ def new(file, nameplate, circuit, magnets, force) -> int:
         text = writing.from_magnets(magnets, title)
     else:
         text = writing.from_nameplate(nameplate, title)
-    text, scheme, why = writing.with_best_scheme(text, file.stem)
+    text, scheme, why, odd = writing.with_best_scheme(text, file.stem)
     try:
         file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise options.Mistake(f"{file}: {error.strerror}") from None
+    for line in odd:
+        print(f"note: {line}")
     print(f"scheme {scheme or writing.FALLBACK}: {why}")
     print(f"{file}: complete; next: hexatorque check {shlex.quote(str(file))}")
     return 0

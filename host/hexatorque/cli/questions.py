@@ -2,7 +2,7 @@
 
 Each question has the value's unit and range. Enter takes what stands in brackets: what follows
 from the answers so far, or is usual. Such a value is left out of the list where the set-up would
-estimate it by the same rule: there it is then tagged as assumed.
+estimate it by the same rule: there its tag says so.
 """
 
 from __future__ import annotations

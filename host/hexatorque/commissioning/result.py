@@ -76,11 +76,13 @@ class Findings:
             gains["kp_xy_pu_A"] = _times(self.inductance.lxy_H, per_H)
             gains["ki_xy_pu_As"] = _times(self.inductance.lxy_H, derived.ki_xy(per_H))
         if self.mechanics:
-            f_slow_Hz = _number(drive, "f_slow_Hz")
-            per_kgm2 = derived.kp_speed(1.0, f_slow_Hz)
+            corner = derived.corner_rad_s(_number(drive, "f_slow_Hz"))
+            kp, ki = (_number(drive, name) for name in ("kp_speed_Nms_rad", "ki_speed_Nm_rad"))
+            if kp > 0 and ki > 0:  # a loop that was designed for less stays as slow
+                corner = min(corner, ki / derived.ki_speed(kp, 1.0))
             inertia = self.mechanics.inertia_kgm2
-            gains["kp_speed_Nms_rad"] = _times(inertia, per_kgm2)
-            gains["ki_speed_Nm_rad"] = _times(inertia, derived.ki_speed(per_kgm2, f_slow_Hz))
+            gains["kp_speed_Nms_rad"] = _times(inertia, corner)
+            gains["ki_speed_Nm_rad"] = _times(inertia, derived.ki_speed(corner, corner))
         return gains
 
     def load(self, drive: DriveVerbs) -> dict[str, Value]:

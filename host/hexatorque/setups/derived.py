@@ -24,6 +24,7 @@ from typing import Any
 from ..chips import number_of, range_of
 from ..plant.machines import constants_of
 from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Design, rad_s, rpm
+from .keys import ESTIMATED, USER
 from .values import Values
 
 #: What a set-up has where it leaves a parameter open: see above.
@@ -54,11 +55,17 @@ LEAST_NM, MOST_NM = range_of("torque_limit_Nm")
 RUNAWAY = 0.3
 #: The stator resistance in use may be so far off, where the speed does not let it adapt.
 RESISTANCE_OFF = 0.15
+#: L_m at the flux reference over one that is told or estimated: unsaturated, a machine has 1.1 to
+#: 1.8 times as much as at its rated flux. The magnetising current is then as many times smaller.
+MORE_MAIN = 1.5
 #: Low pass of the lost leg's residual.
 LEAST_SAMPLES = number_of("core/ht_voltage_law.h", "HT_LEAST_SAMPLES")
 LOSS_FILTER_S = number_of("core/ht_leg_loss.h", "HT_LEG_LOSS_FILTER_S")
 #: Slow periods in 2 pi of the speed loop's corner.
 SLOW_PER_CORNER = 30
+#: A shaft may be so many times lighter than one whose inertia is an estimate. The loop is then as
+#: many times quicker: from about six times on it is unstable at SLOW_PER_CORNER.
+LIGHTER = 5
 
 
 @dataclass(frozen=True)
@@ -197,16 +204,43 @@ def _least_f_isr_Hz(k: Known) -> float:
     return LEAST_SAMPLES * k["rs_ohm"] / min(k["lxy_H"], k.machine.least_H)
 
 
-def _f_slow_Hz(k: Known) -> float:
-    return _f_slow_within_Hz(k, RUNAWAY * k.rated_rpm)
-
-
-def _f_slow_within_Hz(k: Known, rise_rpm: float) -> float:
-    """Frequencies that the sampling frequency is no multiple of are left out."""
+def _fitting_Hz(k: Known) -> list[float]:
+    """Frequencies of which the sampling frequency is a multiple."""
     f_isr_Hz = k["f_isr_Hz"]
-    fit = [f for f in F_SLOW_HZ if (f_isr_Hz / f).is_integer()] or [F_SLOW_HZ[0]]
-    enough = [f for f in fit if k.runaway_rpm(_corner_rad_s(f)) <= rise_rpm]
+    return [f for f in F_SLOW_HZ if (f_isr_Hz / f).is_integer()] or [F_SLOW_HZ[0]]
+
+
+def _stiff_Hz(k: Known) -> float:
+    """The lowest of them with which the shaft does not run away."""
+    rise_rpm = RUNAWAY * k.rated_rpm
+    if k.magnets:  # the speed trip may be near: no current may flow after it
+        rise_rpm = min(rise_rpm, LEAST_INERTIA * (k["speed_trip_rpm"] - k.rated_rpm))
+    fit = _fitting_Hz(k)
+    enough = [f for f in fit if k.runaway_rpm(corner_rad_s(f)) <= rise_rpm]
     return min(enough, default=max(fit))
+
+
+def _tag(k: Known, name: str) -> str:
+    """Where a value of the machine is from."""
+    given = k.setup.values["machine"].get(name)
+    return given.tag if given else ""
+
+
+def _estimated_inertia(k: Known) -> bool:
+    return _tag(k, "inertia_kgm2") == ESTIMATED
+
+
+def _f_slow_Hz(k: Known) -> float:
+    fit, wanted_Hz = _fitting_Hz(k), _stiff_Hz(k)
+    if _estimated_inertia(k):
+        wanted_Hz *= LIGHTER
+    return min((f for f in fit if f >= wanted_Hz), default=max(fit))
+
+
+def _loop_rad_s(k: Known) -> float:
+    """Corner of the speed loop."""
+    f_slow_Hz: float = k["f_slow_Hz"]
+    return corner_rad_s(min(f_slow_Hz, _stiff_Hz(k)) if _estimated_inertia(k) else f_slow_Hz)
 
 
 def _torque_limit_Nm(k: Known) -> float:
@@ -239,22 +273,20 @@ def _crossover_Hz(k: Known) -> float:
 
 def _flux_check(k: Known) -> float:
     moved_Wb_s = RESISTANCE_OFF * k["rs_ohm"] * k.current_A(k["torque_limit_Nm"])
-    return min(max(0.7, 1.5 * k.ripple, k.rotor_s * moved_Wb_s / k.flux_Wb), 10.0)
+    known = max(0.7, 1.5 * k.ripple, k.rotor_s * moved_Wb_s / k.flux_Wb)
+    told = _tag(k, "lm_H") in (USER, ESTIMATED)
+    return min(known + (1 - 1 / MORE_MAIN if told else 0.0), 10.0)
 
 
-def _corner_rad_s(f_slow_Hz: float) -> float:
+def corner_rad_s(f_slow_Hz: float) -> float:
     return 2 * math.pi * f_slow_Hz / SLOW_PER_CORNER
 
 
 # Gains, also of a machine that was measured (hexatorque.commissioning).
 
 
-def kp_speed(inertia_kgm2: float, f_slow_Hz: float) -> float:
-    return inertia_kgm2 * _corner_rad_s(f_slow_Hz)
-
-
-def ki_speed(kp_Nms_rad: float, f_slow_Hz: float) -> float:
-    return kp_Nms_rad * _corner_rad_s(f_slow_Hz) / 4
+def ki_speed(kp_Nms_rad: float, loop_rad_s: float) -> float:
+    return kp_Nms_rad * loop_rad_s / 4
 
 
 def kp_xy(lxy_H: float, vdc_V: float, period_s: float) -> float:
@@ -284,7 +316,8 @@ OPEN: dict[str, Rule] = {
     ),
     "f_slow_Hz": Rule(
         "the lowest of 100, 200, 500, 1000 Hz with which the shaft runs away by 30 % of rated "
-        "speed at most when the rated load drops",
+        "speed at most when the rated load drops; five times as much where the inertia is an "
+        "estimate",
         _f_slow_Hz,
     ),
     "table": Rule("75/105, which reaches the full voltage", lambda k: "75/105"),
@@ -310,12 +343,13 @@ OPEN: dict[str, Rule] = {
         _torque_limit_Nm,
     ),
     "kp_speed_Nms_rad": Rule(
-        "inertia times the loop's corner, 2 pi f_slow_Hz / 30",
-        lambda k: min(kp_speed(k.machine.inertia_kgm2, k["f_slow_Hz"]), 1e5),
+        "inertia times the loop's corner, 2 pi f_slow_Hz / 30; where it is an estimate 2 pi / 30 "
+        "times the frequency that suffices",
+        lambda k: min(k.machine.inertia_kgm2 * _loop_rad_s(k), 1e5),
     ),
     "ki_speed_Nm_rad": Rule(
         "kp_speed times a quarter of the corner: critical damping",
-        lambda k: min(ki_speed(k["kp_speed_Nms_rad"], k["f_slow_Hz"]), 1e6),
+        lambda k: min(ki_speed(k["kp_speed_Nms_rad"], _loop_rad_s(k)), 1e6),
     ),
     "kp_xy_pu_A": Rule(
         "0.25 L_xy/(Vdc T_s): with both frames half the current is corrected in one period",
@@ -354,7 +388,9 @@ OPEN: dict[str, Rule] = {
     "flux_check": Rule(
         "0.7, but 1.5 times the current step of one period at least, and at least 15 % of "
         "L_r/R_r R_s times the current at the torque limit over the flux, in no-load currents: at "
-        "low speed a resistance that is so far off moves the flux as fast, and the rotor follows",
+        "low speed a resistance that is so far off moves the flux as fast, and the rotor follows; "
+        "a third more where lm_H is told or an estimate: a machine with 1.5 times as much takes so "
+        "much less",
         _flux_check,
     ),
     "encoder_trip_rpm": Rule(
@@ -450,12 +486,6 @@ def _jump_rpm(k: Known) -> float:
     return max(40.0, rpm(most_Nm / (LEAST_INERTIA * k.machine.inertia_kgm2) * COUNTS_SLOW_S))
 
 
-def _magnet_f_slow_Hz(k: Known) -> float:
-    """The speed trip may be near: no current may flow after it."""
-    room_rpm = LEAST_INERTIA * (k["speed_trip_rpm"] - k.rated_rpm)
-    return _f_slow_within_Hz(k, min(RUNAWAY * k.rated_rpm, room_rpm))
-
-
 def _magnet_speed_trip_rpm(k: Known) -> float:
     wanted = max(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 1.2 * k.asked_rpm)
     return min(wanted, BELOW_CEILING * k.machine.ceiling_rpm(k.vdc_V), 9e4)
@@ -501,7 +531,7 @@ OPEN_MAGNET: dict[str, Rule] = {
     ),
     "f_slow_Hz": Rule(
         OPEN["f_slow_Hz"].text + ", and with 60 % of the inertia not to the speed trip",
-        _magnet_f_slow_Hz,
+        _f_slow_Hz,
     ),
     "speed_trip_rpm": Rule(
         "as of an induction machine, but at most 98 % of the speed at which the magnets induce Vdc "

@@ -45,6 +45,8 @@ PRODUCT_FACTOR = 1.75
 SLIP_BELOW, SLIP_ABOVE = 8.0, 5.1
 #: So near to what is typical are numbers that may have been meant.
 PRODUCT_NEAR, SLIP_NEAR = 1.35, 4.0
+#: Efficiency times power factor of a machine of which they are not told.
+PRODUCT = 0.75
 #: Ohms below which no voltage over its current is: the plate's two are then exchanged.
 LEAST_OHM = 0.1
 #: Share of the machines that the inertia's range is to hold: some sources include a load.
@@ -99,13 +101,15 @@ def examples(machine: Machine) -> tuple[Example, Example]:
 
 @dataclass(frozen=True)
 class Typical:
-    """Lines over the power. Resistance, leakage: in units of voltage over current of a phase.
-    starting: that of the rotor alone, in seconds in which rated power reaches rated speed, twice
-    its kinetic energy over the power. rs_factor: how far single machines are from the line."""
+    """Lines over the power. Resistances, leakage, main inductance: in units of voltage over current
+    of a phase. starting: that of the rotor alone, in seconds in which rated power reaches rated
+    speed, twice its kinetic energy over the power. rs_factor: how far single machines are from the
+    line."""
 
     rs: Line
     rr: Line
     leakage: Line
+    main: Line
     product: Line
     starting_s: Line
     rs_factor: float
@@ -115,7 +119,8 @@ def typical_of(known: Sequence[Machine]) -> Typical:
     of = [examples(machine)[0] for machine in known]
     power = [one.plate.power_kW for one in of]
     elements = [per_unit(one) for one in of]
-    rs, rr, leakage = ([each[name] for each in elements] for name in ("R_s", "R_r", "leakage"))
+    names = ("R_s", "R_r", "leakage", "L_m")
+    rs, rr, leakage, main = ([each[name] for each in elements] for name in names)
     started = [
         (kW, one.machine.inertia_kgm2 * one.machine.synchronous_rad_s**2 / (1e3 * kW))
         for one, kW in zip(of, power)
@@ -126,6 +131,7 @@ def typical_of(known: Sequence[Machine]) -> Typical:
         line,
         through(zip(power, rr)),
         through(zip(power, leakage)),
+        through(zip(power, main)),
         through((one.plate.power_kW, one.plate.product) for one in of),
         through(started),
         factor_of(value / line.at(kW) for value, kW in zip(rs, power)),
@@ -149,6 +155,10 @@ def per_unit(one: Example) -> dict[str, float]:
     }
 
 
+#: The same whatever voltage, current and speed the machine is for.
+MAIN_OVER_LEAKAGE = "L_m over the leakage"
+
+
 @dataclass(frozen=True)
 class Usual:
     """An element in these units over the power, and by which factor the published machine that is
@@ -162,8 +172,10 @@ class Usual:
 def usual() -> dict[str, Usual]:
     of = [examples(machine)[0] for machine in machines()]
     found = {}
-    for name in per_unit(of[0]):
-        points = [(one.plate.power_kW, per_unit(one)[name]) for one in of]
+    rows = [per_unit(one) for one in of]
+    rows = [{**row, MAIN_OVER_LEAKAGE: row["L_m"] / row["leakage"]} for row in rows]
+    for name in rows[0]:
+        points = [(one.plate.power_kW, row[name]) for one, row in zip(of, rows)]
         line = through(points)
         found[name] = Usual(line, factor_of((v / line.at(kW) for kW, v in points), 1.0))
     return found
@@ -292,10 +304,17 @@ def ratios(one: Example, of: Typical) -> Iterable[tuple[bool, dict[str, float]]]
 @dataclass(frozen=True)
 class Spread:
     """What to divide and to multiply an estimate by for its range, by name and by whether the power
-    factor was told; and the same of the inertia."""
+    factor was told; and the same of the inertia, with the rated speed told, and of a rated speed
+    that follows from the circuit."""
 
     factors: dict[str, dict[bool, float]]
     inertia: float
+    speed: float
+
+    @property
+    def untold_inertia(self) -> float:
+        """Of the inertia, which goes with the square of the speed. Both errors by chance."""
+        return math.exp(math.hypot(math.log(self.inertia), 2 * math.log(self.speed)))
 
 
 def spread_of(known: Sequence[Machine]) -> Spread:
@@ -304,7 +323,10 @@ def spread_of(known: Sequence[Machine]) -> Spread:
         name: {told: factor_of(ratios) for told, ratios in by_told.items()}
         for name, by_told in found.items()
     }
-    return Spread(factors, factor_of(inertia_errors(known), INERTIA_HELD))
+    inertia, speed = (
+        factor_of(errors_of(known), INERTIA_HELD) for errors_of in (inertia_errors, speed_errors)
+    )
+    return Spread(factors, inertia, speed)
 
 
 def inertia_errors(known: Sequence[Machine]) -> list[float]:
@@ -317,6 +339,28 @@ def inertia_errors(known: Sequence[Machine]) -> list[float]:
             synchronous_rpm = 60 * plate.frequency_Hz / plate.pole_pairs
             found.append(rotor_kgm2(plate.power_kW, synchronous_rpm, of) / machine.inertia_kgm2)
     return found
+
+
+def speed_errors(known: Sequence[Machine]) -> list[float]:
+    """Estimate over truth of the rated speed from the circuit, each from the other machines."""
+    found = []
+    for machine in known:
+        of = typical_of([other for other in known if other is not machine])
+        plate, circuit = (one := examples(machine)[0]).plate, one.circuit
+        turned_rad_s = speed_of(plate.base_ohm, plate.power_kW, circuit.lls_H, circuit.lm_H, of)
+        found.append(turned_rad_s / (2 * math.pi * plate.frequency_Hz))
+    return found
+
+
+def speed_of(
+    base_ohm: float, power_kW: float, leakage_H: float, lm_H: float, of: Typical | None = None
+) -> float:
+    """Electrical speed at which a machine of this power has the usual leakage and L_m, in units of
+    its rated voltage over its rated current. Each of the two says so by itself: their mean, in the
+    logarithm."""
+    of = of or typical()
+    usual_H2 = of.leakage.at(power_kW) * of.main.at(power_kW)
+    return base_ohm * math.sqrt(usual_H2 / (leakage_H * lm_H))
 
 
 def rotor_kgm2(power_kW: float, speed_rpm: float, of: Typical | None = None) -> float:

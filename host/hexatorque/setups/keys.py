@@ -16,7 +16,9 @@ from ..plant.machines import DISPLACEMENTS_DEG, MODELS, constants_of
 from ..plant.wires import ENCODER_WIRES
 
 #: Where a value comes from.
-TAGS = ("paper", "assumed", "measured", "tuned")
+TAGS = ("paper", "assumed", "estimated", "measured", "tuned")
+#: Of a value that `hexatorque new` takes from what is usual: the true one may be far from it.
+ESTIMATED = TAGS[2]
 #: The same, for values that the user's own file or command line gives.
 USER = "user"
 LATENCIES = ("none", "immediate", "shadow", "predicted")

@@ -8,12 +8,23 @@ from dataclasses import replace
 from typing import Any
 
 from ..given import choice, real, suggest
-from .design import REACH_PU, USABLE
-from .estimate import estimate, ranges, rotor_kgm2, spread
-from .keys import DEVICES, KEYS, LXY_LEAST, LXY_SHARE, MODEL, MOST_NM, MOST_RPM, MOST_V, Key
+from .design import REACH_PU, USABLE, rad_s, rpm
+from .estimate import PRODUCT, estimate, ranges, rotor_kgm2, speed_of, spread
+from .keys import (
+    DEVICES,
+    ESTIMATED,
+    KEYS,
+    LXY_LEAST,
+    LXY_SHARE,
+    MODEL,
+    MOST_NM,
+    MOST_RPM,
+    MOST_V,
+    Key,
+)
 from .mistyped import shifted
 from .nameplate import FRICTION, IRON, THREE_PHASE, Nameplate, ThreePhase
-from .published import machines
+from .published import equal_leakages, machines
 from .values import SetupError
 
 #: The scheme of a set-up for which none is ready.
@@ -195,7 +206,7 @@ def from_nameplate(text: str, title: str) -> str:
     machine = {
         "pole_pairs": (plate.pole_pairs, "", "nameplate"),
         **{
-            name: (getattr(circuit, name), "assumed", words[name])
+            name: (getattr(circuit, name), ESTIMATED, words[name])
             for name in ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")
         },
         **_beside_circuit(given, circuit.lls_H),
@@ -204,7 +215,7 @@ def from_nameplate(text: str, title: str) -> str:
         "torque_Nm": (circuit.torque_Nm, "", "power over speed"),
         "speed_rpm": (plate.speed_rpm, "", "nameplate"),
         "current_A": (plate.current_A, "", "nameplate"),
-        "flux_Wb": (circuit.flux_Wb, "assumed", words["flux_Wb"]),
+        "flux_Wb": (circuit.flux_Wb, ESTIMATED, words["flux_Wb"]),
     }
     controller = {} if plate.pull_out else _careful_steps("leakages are estimates")
     return _text(title, head, machine, rated, given, controller)
@@ -292,6 +303,31 @@ def inertia_of(power_kW: float, speed_rpm: float) -> float:
     return min(max(2 * rotor_kgm2(power_kW, max(speed_rpm, 1.0)), allowed.min), allowed.max)
 
 
+def _peak_V(given: dict[str, Any]) -> float:
+    """Amplitude of the phase voltage for which a machine on this dc link is wound."""
+    return REACH_PU * USABLE * given["vdc_V"]
+
+
+def _apparent_kVA(given: dict[str, Any]) -> float:
+    return 6e-3 * _peak_V(given) / math.sqrt(2) * given["current_A"]
+
+
+def _rated_rad_s(given: dict[str, Any], power_kW: float) -> float:
+    """Rated speed of a circuit: as told; else power over the rated torque; else the speed at which
+    the voltage turns the rated flux; else that of machines with such inductances."""
+    if given.get("speed_rpm"):
+        return rad_s(given["speed_rpm"])
+    if given.get("torque_Nm"):
+        return 1e3 * power_kW / given["torque_Nm"]
+    if given.get("flux_Wb"):
+        return _peak_V(given) / given["flux_Wb"] / given["pole_pairs"]
+    base_ohm = _peak_V(given) / (math.sqrt(2) * given["current_A"])
+    _, leakage_H, lm_H = equal_leakages(
+        given["rr_ohm"], given["lls_H"], given["llr_H"], given["lm_H"]
+    )
+    return speed_of(base_ohm, power_kW, leakage_H, lm_H) / given["pole_pairs"]
+
+
 def _rounded(value: float, digits: int = 2) -> float:
     return float(f"{value:.{digits}g}")
 
@@ -320,37 +356,42 @@ def suggestion(name: str, given: dict[str, Any]) -> Any:
         if "poles" in given:
             speed_rpm = 120 * given["frequency_Hz"] / given["poles"]
             return _rounded(inertia_of(given["power_kW"], speed_rpm))
-        # The dc link says which voltage the machine has; the power is three quarters of the
-        # apparent power. Without a rated speed the machine is for 50 Hz.
-        peak_V = REACH_PU * USABLE * given["vdc_V"]
-        power_kW = 0.75e-3 * 6 * peak_V / math.sqrt(2) * given["current_A"]
-        speed_rpm = given.get("speed_rpm") or 3000 / given["pole_pairs"]
+        power_kW = _apparent_kVA(given) * PRODUCT
+        speed_rpm = rpm(_rated_rad_s(given, power_kW))
         return _rounded(inertia_of(power_kW, speed_rpm))
     return None
 
 
-def _chosen(name: str, given: dict[str, Any], note: str, **known: float) -> tuple:
+def _chosen(
+    name: str, given: dict[str, Any], note: str, tag: str = "assumed", **known: float
+) -> tuple:
     """The row of a value that was given, or of the suggestion for it."""
     if given[name]:
         return (given[name], "", "")
-    return (suggestion(name, {**given, **known}), "assumed", note)
+    return (suggestion(name, {**given, **known}), tag, note)
 
 
 def _beside_circuit(given: dict[str, Any], lls_H: float) -> dict[str, tuple]:
     """The rest of [machine] of an induction machine."""
     inertia = suggestion("inertia_kgm2", given)
-    low, high = _rounded(inertia / spread().inertia), _rounded(inertia * spread().inertia)
+    # Power over torque and voltage over flux are as good as the speed.
+    told = any(map(given.get, ("speed_rpm", "torque_Nm", "flux_Wb")))
+    of = "speed" if told else "these inductances"
+    factor = spread().inertia if told else spread().untold_inertia
+    low, high = _rounded(inertia / factor), _rounded(inertia * factor)
     return {
         "lxy_H": _chosen(
             "lxy_H",
             given,
             f"{LXY_SHARE:g} of the stator leakage; {LXY_LEAST * lls_H:.3g} .. {lls_H:.3g}",
+            ESTIMATED,
             lls_H=lls_H,
         ),
         "inertia_kgm2": _chosen(
             "inertia_kgm2",
             given,
-            f"usual for this power and speed, with an equal load; {low} .. {high}",
+            f"usual for this power and {of}, with an equal load; {low} .. {high}",
+            ESTIMATED,
         ),
     }
 
@@ -399,13 +440,13 @@ def _text(
     return "\n".join(lines)
 
 
-def with_best_scheme(text: str, name: str) -> tuple[str, str, str]:
+def with_best_scheme(text: str, name: str) -> tuple[str, str, str, list[str]]:
     """The text of a new set-up with the scheme that the review finds best for its machine; that
-    scheme, and why. If none is ready the scheme is empty, and the reason says what would help.
-    SetupError if no machine has such numbers."""
+    scheme, and why; a line for each number that is unusual. If none is ready the scheme is empty,
+    and the reason says what would help. SetupError if no machine has such numbers."""
     from .. import firmware
     from .loading import parse
-    from .review import best, none_ready, refuse_impossible, review
+    from .review import best, none_ready, refuse_impossible, review, unusual
 
     setup = parse(text, name)
     refuse_impossible(setup)
@@ -414,7 +455,7 @@ def with_best_scheme(text: str, name: str) -> tuple[str, str, str]:
     scheme, why = best(findings, schemes)
     why = why or none_ready(findings, schemes)
     line = f"# {why}\n{SCHEME_LINE.format(scheme or FALLBACK)}"
-    return text.replace(SCHEME_LINE.format(FALLBACK), line), scheme, why
+    return text.replace(SCHEME_LINE.format(FALLBACK), line), scheme, why, unusual(findings)
 
 
 def _line(name: str, row: tuple, key: Key) -> str:

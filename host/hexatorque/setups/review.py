@@ -21,7 +21,7 @@ from .derived import (
     write_delay_us,
 )
 from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Demand, Design, rad_s
-from .estimate import published_kW, usual
+from .estimate import MAIN_OVER_LEAKAGE, PRODUCT, published_kW, usual
 from .keys import KEYS
 from .mean_torque import held
 from .published import equal_leakages
@@ -264,39 +264,74 @@ def _as_built(d: Design) -> Iterator[Finding]:
 #: How much further from the published machines' line than the furthest of them an element is a
 #: note, and how much further than that it is bad.
 FURTHER, FAR = 1.25, 2.0
+#: Largest ratio of the two leakages: 1.25 times that of any published machine.
+MOST_UNEQUAL = 3.1
+#: Of subjects: what `unusual` looks for.
+UNUSUAL, UNEQUAL = "over what is usual", "lls_H over llr_H"
 
 
 def _usual(d: Design) -> Iterator[Finding]:
-    """Each element in units of rated flux, current and frequency against published machines of this
-    power. Without stated rated values the machine's are not known: those of the design follow from
-    point and profile. Bad only with rated current, speed and flux stated, and at a power that
-    published machines have: else the units themselves may be off."""
+    """Each element in units of rated voltage, current and frequency against published machines of
+    this power. Without stated rated values the machine's are not known: those of the design follow
+    from point and profile. Without rated flux and speed the dc link says which voltage it has;
+    where the speed is not told, L_m and leakage are compared with each other. Bad only with rated
+    current, speed and flux stated, and at a power that published machines have: else the units
+    themselves may be off."""
     stated = {name for name in KEYS["rated"] if d.setup[f"rated.{name}"] > 0}
-    power_kW = 1e-3 * d.rated_Nm * rad_s(d.rated_rpm)
-    if not stated & {"current_A", "torque_Nm"} or power_kW <= 0:
+    if not stated & {"current_A", "torque_Nm"}:
         return
-    m, base_H = d.machine, d.flux_Wb / d.rated_A
-    base_ohm = base_H * m.pole_pairs * rad_s(d.rated_rpm)
+    m, omega = d.machine, d.machine.pole_pairs * rad_s(d.rated_rpm)
+    voltage_V, power_kW = omega * d.flux_Wb, 1e-3 * d.rated_Nm * rad_s(d.rated_rpm)
+    others = "the values of [rated]"
+    if "current_A" in stated and not {"speed_rpm", "flux_Wb"} <= stated:
+        others += " and inverter.vdc_V"
+        voltage_V = USABLE * REACH_PU * d.vdc_V
+        power_kW = PRODUCT * 3e-3 * voltage_V * d.rated_A
+    if power_kW <= 0:
+        return
     rr_ohm, leakage_H, lm_H = equal_leakages(m.rr_ohm, m.lls_H, m.llr_H, m.lm_H)
     low_kW, high_kW = published_kW()
     sure = {"current_A", "speed_rpm", "flux_Wb"} <= stated and low_kW <= power_kW <= high_kW
-    for name, keys, value, base, unit in (
-        ("R_s", "machine.rs_ohm", m.rs_ohm, base_ohm, "ohm"),
-        ("R_r", "machine.rr_ohm", rr_ohm, base_ohm, "ohm"),
-        ("leakage", "machine.lls_H and machine.llr_H", leakage_H, base_H, "H"),
-        ("L_m", "machine.lm_H", lm_H, base_H, "H"),
-    ):
+    base_ohm = voltage_V / d.rated_A
+    elements = [
+        ("R_s", "machine.rs_ohm", m.rs_ohm, base_ohm, " ohm"),
+        ("R_r", "machine.rr_ohm", rr_ohm, base_ohm, " ohm"),
+    ]
+    if omega > 0 and ({"speed_rpm", "flux_Wb"} & stated or "current_A" not in stated):
+        base_H = base_ohm / omega
+        elements += [
+            ("leakage", "machine.lls_H and machine.llr_H", leakage_H, base_H, " H"),
+            ("L_m", "machine.lm_H", lm_H, base_H, " H"),
+        ]
+    else:
+        keys = "machine.lm_H, machine.lls_H and machine.llr_H"
+        elements.append((MAIN_OVER_LEAKAGE, keys, lm_H / leakage_H, 1.0, ""))
+    for name, keys, value, base, unit in elements:
         of = usual()[name]
         usual_value = of.line.at(power_kW) * base
         ratio, limit = value / usual_value, FURTHER * of.furthest
         bad = sure and max(ratio, 1 / ratio) > FAR * limit
         finding = at_most if ratio >= 1 else at_least
         yield finding(
-            f"{name} over what is usual at {power_kW:.2g} kW",
+            f"{name} {UNUSUAL} at {power_kW:.2g} kW",
             ratio, limit if ratio >= 1 else 1 / limit, "",
-            f"usual is {usual_value:.3g} {unit}: check {keys}, and the values of [rated]",
+            f"usual is {usual_value:.3g}{unit}: check {keys}, and {others}",
             "bad" if bad else "note",
         )  # fmt: skip
+    ratio = m.lls_H / m.llr_H
+    finding, limit = (at_most, MOST_UNEQUAL) if ratio >= 1 else (at_least, 1 / MOST_UNEQUAL)
+    yield finding(
+        UNEQUAL, ratio, limit, "",
+        f"usually one is like the other: check machine.lls_H = {m.lls_H:.3g} H and machine.llr_H = "
+        f"{m.llr_H:.3g} H", "note",
+    )  # fmt: skip
+
+
+def unusual(findings: Iterable[Finding]) -> list[str]:
+    """A line for each number of the machine that is further from the published ones than any of
+    these."""
+    found = [f for f in findings if f.advice and (UNUSUAL in f.subject or f.subject == UNEQUAL)]
+    return [f"{_why(f)}: {f.advice}" for f in found]
 
 
 @dataclass(frozen=True)

@@ -123,7 +123,12 @@ def _as_read(path: str, value: Any) -> Any:
 
 
 def _own(path: str, setup: Setup | None) -> float:
-    """The set-up's value of a key whose values are factors."""
+    """The set-up's value of a key whose values are factors. Without a point the one at which its
+    runs are measured."""
+    from ..experiments.steady import at_point  # takes long to import
+
+    if setup is not None and path.startswith("point.") and setup["point.speed_rpm"] == 0:
+        setup = at_point(setup)
     own = None if setup is None else setup[path]
     if isinstance(own, bool) or not isinstance(own, (int, float)) or own == 0:
         raise StudyError(f"{path}: times: the set-up has {own}, a number other than 0 is needed")

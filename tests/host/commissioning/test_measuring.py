@@ -12,7 +12,7 @@ from hexatorque import setups
 from hexatorque.commissioning import inductance, resistance, rotor, running, wiring
 from hexatorque.commissioning.excitation import Excitation, Limits, Samples
 from hexatorque.commissioning.regression import Value, linear, nonlinear
-from hexatorque.commissioning.result import set_up
+from hexatorque.commissioning.result import Findings, set_up
 from hexatorque.commissioning.sequence import STEPS, commission, with_needs
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies import plates
@@ -254,6 +254,21 @@ def test_mistakes_of_the_user_are_one_line():
     sim.start()
     with pytest.raises(Exception, match="the drive is in state calibrate"):
         commission(sim, Limits(8.0, 0.1))
+
+
+@pytest.mark.parametrize(("designed", "corner"), [(0.2, 0.2), (1.0, 1.0), (3.0, 1.0)])
+def test_a_loop_that_was_designed_for_less_stays_as_slow(designed, corner):
+    """Of an inertia that was only assumed the slow interrupt is quicker than the loop needs. What
+    is measured decides about the gain, not about how stiff the shaft should be: kp/J stays, and
+    ki/kp a quarter of it, but at most as much as the slow interrupt allows."""
+    sim = SimulatedDrive(setups.load("paper-a-feasible").changed(controller__f_slow_Hz=100.0))
+    own, corner = (share * 2 * np.pi * 100 / 30 for share in (designed, corner))
+    sim.set_many({"kp_speed_Nms_rad": 3 * own, "ki_speed_Nm_rad": 3 * own**2 / 4})
+    zero = Value(0.0, 0.0)
+    mechanics = running.Mechanics(Value(0.05, 0.001), zero, zero, zero, 500.0)
+    got = Findings(mechanics=mechanics).parameters(sim)
+    assert got["kp_speed_Nms_rad"].value == pytest.approx(0.05 * corner, rel=1e-4)
+    assert got["ki_speed_Nm_rad"].value == pytest.approx(0.05 * corner**2 / 4, rel=1e-4)
 
 
 def test_values_show_their_uncertainty():

@@ -139,3 +139,23 @@ def test_the_most_torque_of_a_weak_field(name):
     i, _ = solved(slip)
     needed_V = (m.pole_pairs * rad_s(speed_rpm) + slip) * psi + m.rs_ohm * abs(i)
     assert needed_V == pytest.approx(voltage_V, rel=1e-3)
+
+
+def test_a_shaft_a_tenth_as_heavy_as_assumed_is_held():
+    """The same loop of a tenth of the frequency swings: with a tenth of the inertia its corner is
+    ten times as high, beyond a third of this frequency."""
+    text = "pole_pairs=2,rs_ohm=1.1,rr_ohm=0.9,lls_H=7e-3,llr_H=7e-3,lm_H=0.21"
+    setup = setups.parse(new.from_circuit(f"{text},current_A=5.9,vdc_V=600", "x"), "x")
+    values = setups.parameters(setup)
+    kept = {name: values[name] for name in ("kp_speed_Nms_rad", "ki_speed_Nm_rad", "f_slow_Hz")}
+    light = setup.changed(
+        {"machine.inertia_kgm2": 0.1 * setup["machine.inertia_kgm2"]},
+        **{f"controller__{name}": value for name, value in kept.items()},
+    )
+    course = ((0.3, 0), (1, 0), (1, 0.5), (0.3, 0))
+    accept(light, course)
+    with pytest.raises(NotReached):
+        accept(light.changed(controller__f_slow_Hz=100.0), course)
+    measured = setup.changed(machine__inertia_kgm2=setup["machine.inertia_kgm2"])
+    assert measured.parameter("f_slow_Hz") < kept["f_slow_Hz"]
+    assert measured.parameter("kp_speed_Nms_rad") == pytest.approx(kept["kp_speed_Nms_rad"])

@@ -92,7 +92,7 @@ def test_an_inductance_in_mH_and_a_speed_above_the_ceiling_are_named(tmp_path, c
 def test_a_drive_that_knows_the_sheet_alone_drives_another_machine(sheet, lxy_share):
     """The magnets are 5 % weaker than on the sheet, as warm ones are, R_s is 25 % larger, L_d and
     L_q are 10 % off; the voltage has harmonics, and L_xy is at an end of its range."""
-    text, scheme, _ = new.with_best_scheme(new.from_magnets(sheet, "x"), "x")
+    text, scheme, *_ = new.with_best_scheme(new.from_magnets(sheet, "x"), "x")
     assert scheme
     believed = setups.parse(text, "x")
     values = setups.parameters(believed)

@@ -75,6 +75,43 @@ def test_the_inertia_has_its_range_too():
     assert sum(1 / factor <= ratio <= factor for ratio in ratios) >= 0.85 * len(ratios)
 
 
+def test_a_circuit_tells_for_which_speed_it_was_wound():
+    """The published circuits on the dc link that their voltage needs. The inertia goes with the
+    square of the speed. Of the same machines for eight times the frequency, with an eighth of the
+    inductances, it is a 64th."""
+    within = []
+    for machine in machines():
+        one = estimate.examples(machine)[0]
+        plate, circuit = one.plate, one.circuit
+        known = {
+            "pole_pairs": plate.pole_pairs, "rr_ohm": circuit.rr_ohm, "lls_H": circuit.lls_H,
+            "llr_H": circuit.llr_H, "lm_H": circuit.lm_H, "current_A": plate.current_A,
+            "vdc_V": new.suggestion("vdc_V", {"voltage_V": plate.voltage_V}),
+        }  # fmt: skip
+        by_circuit = new.suggestion("inertia_kgm2", known)
+        told = new.suggestion("inertia_kgm2", {**known, "speed_rpm": plate.speed_rpm})
+        ratio, factor = math.sqrt(told / by_circuit), estimate.spread().speed
+        within.append(1 / factor < ratio < factor)
+        quick = {n: known[n] / 8 for n in ("lls_H", "llr_H", "lm_H")}
+        of_400_Hz = new.suggestion("inertia_kgm2", {**known, **quick})
+        assert of_400_Hz == pytest.approx(by_circuit / 64, rel=0.06)
+    assert sum(within) >= 0.85 * len(within)
+
+
+def test_rated_torque_and_flux_tell_the_speed_too():
+    """4.24 kW at 1450 r/min: the usual product of efficiency and power factor, 27.9 N m, and with
+    the voltage left of 600 V at most 1.03 Wb."""
+    known = {
+        "pole_pairs": 2, "rr_ohm": 0.9, "lls_H": 1e-3, "llr_H": 1e-3, "lm_H": 0.03,
+        "current_A": 4.27, "vdc_V": 600.0,
+    }  # fmt: skip
+    by_speed = new.suggestion("inertia_kgm2", {**known, "speed_rpm": 1450.0})
+    for more in ({"torque_Nm": 27.9}, {"flux_Wb": 1.03}):
+        found = new.suggestion("inertia_kgm2", {**known, **more})
+        assert found == pytest.approx(by_speed, rel=0.06), more
+    assert new.suggestion("inertia_kgm2", known) < 0.1 * by_speed
+
+
 def test_the_power_factor_narrows_the_resistance():
     factors = estimate.spread().factors["rs_ohm"]
     assert factors[True] < 0.9 * factors[False]

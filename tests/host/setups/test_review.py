@@ -10,7 +10,7 @@ from hexatorque import setups
 from hexatorque.cli.main import main
 from hexatorque.firmware import schemes
 from hexatorque.setups import estimate, new, published
-from hexatorque.setups.review import outcome, review
+from hexatorque.setups.review import outcome, review, unusual
 
 CIRCUIT = "pole_pairs=2,rs_ohm=1.8,rr_ohm=2,lls_H=0.01,llr_H=0.015,lm_H=0.284,current_A=5,vdc_V=600"
 
@@ -330,6 +330,41 @@ def test_without_a_rated_speed_or_flux_an_element_far_off_is_a_note(name):
     assert usual_findings(wrong.changed(**{f"rated__{name}": 0.0}))["R_s"].verdict == "note"
 
 
+SPEEDS = ("", ",speed_rpm=1450")
+
+
+@pytest.mark.parametrize("factor", (0.1, 10.0))
+@pytest.mark.parametrize("name", ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H"))
+@pytest.mark.parametrize("more", SPEEDS)
+def test_one_element_ten_times_off_is_named_by_new(tmp_path, capsys, more, name, factor):
+    """What the list has of rated values is enough for that: voltage and current."""
+    typed = dict(part.split("=") for part in f"{CIRCUIT}{more}".split(","))
+    typed[name] = str(factor * float(typed[name]))
+    text = ",".join(f"{key}={word}" for key, word in typed.items())
+    code = main(["new", str(tmp_path / "mine.toml"), "--circuit", text])
+    printed = capsys.readouterr()
+    named = [line for line in (printed.out + printed.err).splitlines() if f"machine.{name}" in line]
+    begin = "hexatorque: " if code else "note: "
+    assert named and all(line.startswith(begin) for line in named)
+
+
+@pytest.mark.parametrize("more", SPEEDS)
+def test_new_has_nothing_to_say_about_a_usual_circuit(tmp_path, capsys, more):
+    assert main(["new", str(tmp_path / "mine.toml"), "--circuit", f"{CIRCUIT}{more}"]) == 0
+    assert "note: " not in capsys.readouterr().out
+
+
+def test_the_circuits_of_published_machines_are_usual_without_their_speeds():
+    for machine in published.machines():
+        plate, of = (one := estimate.examples(machine)[0]).plate, one.circuit
+        text = new.from_circuit(
+            f"pole_pairs={plate.pole_pairs},rs_ohm={of.rs_ohm},rr_ohm={of.rr_ohm},lls_H={of.lls_H},"
+            f"llr_H={of.llr_H},lm_H={of.lm_H},current_A={plate.current_A},"
+            f"vdc_V={new.suggestion('vdc_V', {'voltage_V': plate.voltage_V})}", "x"
+        )  # fmt: skip
+        assert unusual(review(setups.parse(text, "x"), [])) == [], machine.name
+
+
 # -- no scheme is ready --------------------------------------------------------------------------
 
 CURRENT = CIRCUIT.removesuffix(",vdc_V=600")
@@ -345,7 +380,7 @@ NONE_READY = [
 
 def said_by_new(file, capsys, circuit):
     assert main(["new", str(file), "--force", "--circuit", circuit]) == 0
-    first, last = capsys.readouterr().out.splitlines()
+    *_, first, last = capsys.readouterr().out.splitlines()
     assert last.startswith(f"{file}: complete; next: hexatorque check ")
     return first
 

@@ -184,6 +184,12 @@ def test_unknown_set_up_and_file(tmp_path):
         setups.load("paper-bb")
     with pytest.raises(SetupError, match="No such file"):
         setups.load(tmp_path / "none.toml")
+    (tmp_path / "r.toml").touch()
+    (tmp_path / "motor.toml").touch()
+    with pytest.raises(SetupError, match=r"No such file or directory$"):
+        setups.load(tmp_path / "nothere.toml")
+    with pytest.raises(SetupError, match=r"; did you mean '.*motor\.toml'\?"):
+        setups.load(tmp_path / "moter.toml")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(SetupError, match="not a text file"):
         setups.load(tmp_path / "binary.toml")

@@ -79,6 +79,16 @@ def test_factors_multiply_what_the_setup_has():
     assert sorted({v["controller.lxy_H"] for v in found}) == pytest.approx([own_H / 2, own_H * 2])
 
 
+def test_factors_of_the_point_of_a_setup_without_one_are_of_half_the_rated_values():
+    setup = setups.load("paper-b").changed(
+        point__speed_rpm=0.0, point__load_Nm=0.0, rated__speed_rpm=2000.0, rated__torque_Nm=4.0
+    )
+    keys = {RPM: {"values": [1, 2], "times": True}, NM: {"values": [0.5], "times": True}}
+    assert values(Study(setup, keys)) == [{RPM: 1000.0, NM: 1.0}, {RPM: 2000.0, NM: 1.0}]
+    with pytest.raises(StudyError, match="a number other than 0 is needed"):
+        Study(setup, {"machine.viscous_Nms": {"values": [1, 2], "times": True}})
+
+
 def test_whole_numbers_stay_whole_when_multiplied():
     keys = {"sensors.encoder_ppr": {"values": [0.333], "times": True}}
     assert values(Study("paper-b", keys)) == [{"sensors.encoder_ppr": 500}]  # of 1500

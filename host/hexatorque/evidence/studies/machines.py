@@ -433,5 +433,6 @@ def plot(result: dict, path: Path) -> Path:
         axis.set_xlabel("rated power [kW]", **plots.LABEL)
     names = [scheme.replace("`", "") for scheme in reversed(schemes)]
     axes.flat[0].set_yticks(range(len(schemes)), names)
-    axes.flat[-1].legend(**plots.LEGEND)
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), **plots.LEGEND)
     return plots.save(figure, path)

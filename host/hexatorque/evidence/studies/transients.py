@@ -7,11 +7,12 @@ Each has the default scheme and one of the others but `dtc1`, whose x-y currents
 healthy: at full torque into field weakening, a load that comes and drops there, a reversal in field
 weakening, and back to a standstill.
 wrong: under half of the rated load the estimate becomes wrong. The checks that know the sensors are
-off.
+off, or all checks are on.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -44,7 +45,8 @@ SETTLED, LOOK_S = 0.03, 0.01
 WATCH_S = 1.5
 #: Checks that would find a wrong sensor first.
 OTHERS_OFF = {
-    "encoder_trip_rpm": 0.0, "stuck_trip_A": 0.0, "loss_check": 0.0, "i_sum_trip_A": 1e4,
+    "controller__encoder_trip_rpm": 0.0, "controller__stuck_trip_A": 0.0,
+    "controller__loss_check": 0.0, "controller__i_sum_trip_A": 1e4, "controller__vdc_min_V": 0.0,
 }  # fmt: skip
 
 
@@ -116,11 +118,27 @@ def _false_resistance(sim: SimulatedDrive) -> None:
     sim.set("rs_ohm", 3 * float(sim.get("rs_ohm")))
 
 
+def _turned(sim: SimulatedDrive) -> None:
+    psi = sim.controller.drive.control.observer.psi_Wb
+    wrong = complex(psi.alpha, psi.beta) * cmath.exp(2j * math.pi / 3)
+    psi.alpha, psi.beta = wrong.real, wrong.imag
+
+
+def _encoder_stands(sim: SimulatedDrive) -> None:
+    sim.sensors.hold[-1] = 1
+
+
+NOT_ADAPTED = {"controller__adapt_s": 0.0}
 #: Name, speed over the full field's, the set-up's changes, and what becomes wrong.
 WRONGS: tuple[tuple[str, float, dict[str, Any], Callable[[SimulatedDrive], None]], ...] = (
-    ("dc-link voltage read × 0.6", 0.5, {"controller__vdc_min_V": 0.0}, _voltage_reads(0.6)),
-    ("sensors of set 2 read nothing", 0.5, {}, _dead_set),
-    ("R_s told as × 3", 0.1, {}, _false_resistance),
+    ("dc-link voltage read × 0.6", 0.5, OTHERS_OFF, _voltage_reads(0.6)),
+    ("sensors of set 2 read nothing", 0.5, OTHERS_OFF, _dead_set),
+    ("R_s told as × 3", 0.1, OTHERS_OFF, _false_resistance),
+    ("R_s told as × 3, not adapted", 0.1, {**OTHERS_OFF, **NOT_ADAPTED}, _false_resistance),
+    ("estimate turned by 120°", 0.5, OTHERS_OFF, _turned),
+    ("dc-link voltage read × 0.6, all checks", 0.5, {}, _voltage_reads(0.6)),
+    ("sensors of set 2 read nothing, all checks", 0.5, {}, _dead_set),
+    ("encoder stands still, all checks", 0.5, {}, _encoder_stands),
 )
 
 
@@ -128,8 +146,7 @@ def wrong(setup: Setup, case: tuple) -> dict[str, Any]:
     """Whether a wrong estimate was found, after which time, and by how much the flux was wrong in
     the end."""
     name, share, changes, change = case
-    off = {f"controller__{key}": value for key, value in OTHERS_OFF.items()}
-    setup = setup.changed(**off, **changes, load__kind="constant")
+    setup = setup.changed(**changes, load__kind="constant")
     design = Design(setup, setup.parameter)
     sim = SimulatedDrive(setup, 2)
     magnetise(sim, 0.1)

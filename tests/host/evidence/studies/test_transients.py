@@ -30,12 +30,30 @@ def test_a_voltage_that_is_read_too_small_stops_every_drive_within_half_a_second
     assert all(row["before"] == [] and row["found"] and row["time_s"] < 0.5 for row in rows)
 
 
-def test_the_check_of_the_flux_alone_finds_three_dead_sensors(result):
-    name = transients.WRONGS[1][0]
+def rows_of(result, name):
     rows = [row for m in result["machines"] for row in m["wrong"] if row["wrong"] == name]
-    found = [row for row in rows if "flux estimate" in row["found"]]
-    assert len(found) >= 0.75 * len(rows)
-    assert all(row["off"] < transients.WRONG for row in rows if row not in found)
+    assert len(rows) == transients.QUICK and all(row["before"] == [] for row in rows)
+    return rows
+
+
+def test_currents_of_one_set_that_read_nothing_are_found_by_the_lost_phases(result):
+    """The check of the flux cannot tell half of the current from twice the L_m, of which a plate
+    says little. Until then the flux is not far off."""
+    name = "sensors of set 2 read nothing"
+    assert all(row["off"] < transients.WRONG for row in rows_of(result, name))
+    assert all("phase lost" in row["found"] for row in rows_of(result, f"{name}, all checks"))
+
+
+def test_an_estimate_that_is_lost_at_low_speed_stops_the_drive(result):
+    assert all(row["found"] for row in rows_of(result, "R_s told as × 3, not adapted"))
+
+
+def test_a_lost_flux_and_an_encoder_that_stands_still_are_found_or_harmless(result):
+    """An estimate in the wrong direction finds back, or the drive stops."""
+    for row in rows_of(result, "estimate turned by 120°"):
+        assert row["found"] or row["off"] < 0.1
+    for row in rows_of(result, "encoder stands still, all checks"):
+        assert row["found"] and row["time_s"] < 0.5
 
 
 def test_too_many_trips_and_too_few_finds_are_failures(result):
