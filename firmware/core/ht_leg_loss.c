@@ -32,8 +32,14 @@
 /* The dead leg's share of the current of the leg that has the next least. */
 #define DEAD 0.3f
 
-/* One L_xy explains the residual if this share of its square goes with the change of the current. */
-#define EXPLAINED 0.95f
+/* One L_xy explains the residual if it leaves less than this share of its square and what noise makes. */
+#define UNEXPLAINED 0.05f
+/* In the few periods of the evidence the noise of x-y may by chance be twice what the sums show,
+ * squared. */
+#define NOISY 2.0f
+/* Noise of the x-y current, both axes, over that of the two sums, squared: x and y have a third of a
+ * sensor's each, either sum has three times it. */
+#define NOISE_XY 0.111111111f
 /* L_xy is learnt all the time if an error of 30 % makes a residual of twice the smallest limit. This is
  * the square of it. */
 #define SHOWS 4.0f
@@ -111,7 +117,7 @@ static void gather(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
 static void begin(ht_leg_loss_state *st)
 {
     static const ht_leg_evidence nothing = {0.0f, 0.0f, 0.0f};
-    static const ht_leg_loss_fit no_period = {0.0f, 0.0f, 0.0f};
+    static const ht_leg_loss_fit no_period = {0.0f, 0.0f, 0.0f, 0.0f};
     int leg;
     st->count = 1u;
     st->fit = no_period;
@@ -203,13 +209,27 @@ static bool take(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, float mor
 }
 
 /* A wrong L_xy makes a residual in every period, along the change of the x-y current, in the same
- * proportion. If that explains the residual of all periods, it is learnt. */
+ * proportion. If that explains the residual of all periods, it is learnt.
+ *
+ * The noise of the sensors is in the change, and L_xy times it in the residual. This is no error of
+ * L_xy. How large it is, the sums of the sets show, which would be 0 without it: their change has
+ * what is random in six sensors, converter included, and what stays, like an offset, is not in it. */
 static bool explained(const ht_leg_loss_config *cfg, ht_leg_loss_state *st)
 {
     const ht_leg_loss_fit *fit = &st->fit;
-    float least_V2 = EXPLAINED * fit->residual_V2;
-    return ((fit->both_VA * fit->both_VA) > (least_V2 * fit->change_A2))
-           && take(cfg, st, st->more_ohm - fit->both_VA / fit->change_A2);
+    float noise_A2 = NOISE_XY * fit->sums_A2;
+    float l = cfg->l_per_ts_ohm + st->more_ohm;
+    float change_A2 = fit->change_A2 - noise_A2;
+    float more_ohm;
+    float rest_V2;
+    if (!(change_A2 > 0.0f)) {
+        return false; /* nothing but noise */
+    }
+    more_ohm = (l * noise_A2 - fit->both_VA) / change_A2;
+    rest_V2 = fit->residual_V2 + more_ohm * (2.0f * fit->both_VA + more_ohm * fit->change_A2);
+    l += more_ohm;
+    return (rest_V2 < (UNEXPLAINED * fit->residual_V2 + NOISY * noise_A2 * l * l))
+           && take(cfg, st, st->more_ohm + more_ohm);
 }
 
 /* The low pass of the residual is large: `clear2` is its square over that of its limit. The residual
@@ -218,6 +238,7 @@ static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
                     const ht_leg_loss_period *in, ht_xy now, ht_xy change, float clear2,
                     float limit_V)
 {
+    const float *was = in->begin_A->p;
     const float *i = in->end_A->p;
     float one = i[0] + i[2] + i[4];
     float two = i[1] + i[3] + i[5];
@@ -246,6 +267,9 @@ static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
     st->fit.both_VA += now.x * change.x + now.y * change.y;
     st->fit.change_A2 += change.x * change.x + change.y * change.y;
     st->fit.residual_V2 += now.x * now.x + now.y * now.y;
+    one -= was[0] + was[2] + was[4];
+    two -= was[1] + was[3] + was[5];
+    st->fit.sums_A2 += one * one + two * two;
     if (st->count <= cfg->hold) {
         st->count++;
     } else if (st->without != 0u) {

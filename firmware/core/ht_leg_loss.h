@@ -60,6 +60,7 @@ typedef struct {
     float both_VA;   /**< residual times the change of the x-y current */
     float change_A2; /**< this change, squared */
     float residual_V2;
+    float sums_A2; /**< change of the sums of the sets' currents, squared */
 } ht_leg_loss_fit;
 
 typedef struct {
