@@ -626,7 +626,7 @@ def learnt_slowly(share, amplitude=60.0, seconds=2.0, every=100, error=None, **s
     for n in range(round(seconds / TS)):
         watch.step(commands(rng, amplitude), error)
         if n % every == 0:
-            lib.ht_leg_loss_learn(watch.cfg, watch.state, 0.05)
+            lib.ht_leg_loss_learn(watch.cfg, watch.state, watch.six[1], 0.05)
     return share + watch.state.more_ohm * TS / L
 
 
@@ -659,14 +659,14 @@ def test_while_a_leg_is_suspected_or_the_residual_is_unusual_the_slow_interrupt_
     watch = Watch(lxy_H=1.3 * L)
     watch.state.now_V, watch.state.change_A = {"x": -3.0, "y": 0.0}, {"x": 1.0, "y": 0.0}
     watch.state.count = 1
-    lib.ht_leg_loss_learn(watch.cfg, watch.state, 0.5)
+    lib.ht_leg_loss_learn(watch.cfg, watch.state, watch.six[1], 0.5)
     assert watch.state.more_ohm == 0
     watch.state.count = 0
-    lib.ht_leg_loss_learn(watch.cfg, watch.state, 0.5)
+    lib.ht_leg_loss_learn(watch.cfg, watch.state, watch.six[1], 0.5)
     assert watch.state.more_ohm == pytest.approx(3.0)
     # Beyond the smallest limit and twice the usual residual.
     watch.state.now_V = {"x": -2.0 * 3.0 - LEAST_V, "y": 0.0}
-    lib.ht_leg_loss_learn(watch.cfg, watch.state, 0.5)
+    lib.ht_leg_loss_learn(watch.cfg, watch.state, watch.six[1], 0.5)
     assert watch.state.more_ohm == pytest.approx(3.0)
 
 
@@ -674,5 +674,5 @@ def test_while_a_leg_is_suspected_or_the_residual_is_unusual_the_slow_interrupt_
 def test_the_slow_interrupt_learns_nothing_from_what_is_not_finite(bad):
     watch = Watch()
     watch.state.now_V, watch.state.change_A = {"x": bad, "y": 0.0}, {"x": 1.0, "y": 1.0}
-    lib.ht_leg_loss_learn(watch.cfg, watch.state, 0.5)
+    lib.ht_leg_loss_learn(watch.cfg, watch.state, watch.six[1], 0.5)
     assert watch.state.more_ohm == 0
