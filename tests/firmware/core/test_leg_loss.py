@@ -681,7 +681,7 @@ def test_where_the_xy_current_hardly_changes_nothing_is_learnt():
 def test_nothing_is_learnt_from_noise():
     """It would be a residual that shows, and an L_xy of next to nothing."""
     rng, watch = np.random.default_rng(3), Watch()
-    noise_A = 1.3 * LEAST_V / (lib.HT_LEG_LOSS_TOLERANCE * L / TS) / np.sqrt(4 / 3)
+    noise_A = 1.3 * LEAST_V / (0.3 * L / TS) / np.sqrt(4 / 3)
     for n in range(20_000):
         watch.step(np.zeros(6), others=rng.normal(0, noise_A, 6))
         if n % 100 == 0:
