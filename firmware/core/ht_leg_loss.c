@@ -37,6 +37,8 @@
 /* In the few periods of the evidence the noise of x-y may by chance be twice what the sums show,
  * squared. */
 #define NOISY 2.0f
+/* But it leaves less than this share in any case. An arc is small, and noise may explain all of it. */
+#define MOST_REST 0.2f
 /* Noise of the x-y current, both axes, over that of the two sums, squared: x and y have a third of a
  * sensor's each, either sum has three times it. */
 #define NOISE_XY 0.111111111f
@@ -244,7 +246,7 @@ static bool explained(const ht_leg_loss_config *cfg, ht_leg_loss_state *st)
     rest_V2 = fit->residual_V2 + more_ohm * (2.0f * fit->both_VA + more_ohm * fit->change_A2);
     l += more_ohm;
     return (rest_V2 < (UNEXPLAINED * fit->residual_V2 + NOISY * noise_A2 * l * l))
-           && take(cfg, st, st->more_ohm + more_ohm);
+           && (rest_V2 < (MOST_REST * fit->residual_V2)) && take(cfg, st, st->more_ohm + more_ohm);
 }
 
 /* The low pass of the residual is large: `clear2` is its square over that of its limit. The residual
