@@ -238,7 +238,7 @@ static void learn_resistances(ht_drive *d, const ht_drive_config *c)
                                 d->control.leg_loss.low_V, omega_rad_s,
                                 HT_LEG_LOSS_TOLERANCE * v[HT_P_rs_ohm]);
     }
-    ht_leg_loss_learn(&c->control.leg_loss, &d->control.leg_loss, c->lxy_gain);
+    ht_leg_loss_learn(&c->control.leg_loss, &d->control.leg_loss, &d->control.i_A, c->lxy_gain);
     ht_leg_loss_tolerate(&d->control.leg_loss, v[HT_P_rs_ohm], v[HT_P_lxy_H], omega_rad_s);
 }
 

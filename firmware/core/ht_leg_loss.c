@@ -32,13 +32,36 @@
 /* The dead leg's share of the current of the leg that has the next least. */
 #define DEAD 0.3f
 
-/* One L_xy explains the residual if this share of its square goes with the change of the current. */
-#define EXPLAINED 0.95f
-/* L_xy is learnt all the time if an error of 30 % makes a residual of twice the smallest limit. This is
- * the square of it. */
-#define SHOWS 4.0f
+/* One L_xy explains the residual if it leaves less than this share of its square and what noise makes. */
+#define UNEXPLAINED 0.05f
+/* In the few periods of the evidence the noise of x-y may by chance be twice what the sums show,
+ * squared. */
+#define NOISY 2.0f
+/* But it leaves less than this share in any case. An arc is small, and noise may explain all of it. */
+#define MOST_REST 0.2f
+/* Noise of the x-y current, both axes, over that of the two sums, squared: x and y have a third of a
+ * sensor's each, either sum has three times it. */
+#define NOISE_XY 0.111111111f
+/* L_xy is learnt all the time only from changes whose square is beyond so many times that of the sums
+ * of the sets. Two samples' noise in x-y is 2/9 of that, so L_xy is learnt 11 % too small at most. */
+#define LOUD 2.0f
 /* A period whose residual is beyond so many times the usual one, squared, may be a lost leg's. */
 #define UNUSUAL 4.0f
+
+/* Sums of the phase currents of set 1 and set 2. They are 0 but for what is wrong with the sensors. */
+typedef struct {
+    float one_A;
+    float two_A;
+} ht_set_sums;
+
+static ht_set_sums sums_of(const ht_six *i_A)
+{
+    const float *i = i_A->p;
+    ht_set_sums sums;
+    sums.one_A = i[0] + i[2] + i[4];
+    sums.two_A = i[1] + i[3] + i[5];
+    return sums;
+}
 
 /* Where a leg's current flows during a period. */
 typedef enum { FLOWS_IN = -1, NO_FLOW = 0, FLOWS_OUT = 1 } way;
@@ -111,7 +134,7 @@ static void gather(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
 static void begin(ht_leg_loss_state *st)
 {
     static const ht_leg_evidence nothing = {0.0f, 0.0f, 0.0f};
-    static const ht_leg_loss_fit no_period = {0.0f, 0.0f, 0.0f};
+    static const ht_leg_loss_fit no_period = {0.0f, 0.0f, 0.0f, 0.0f};
     int leg;
     st->count = 1u;
     st->fit = no_period;
@@ -203,13 +226,27 @@ static bool take(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, float mor
 }
 
 /* A wrong L_xy makes a residual in every period, along the change of the x-y current, in the same
- * proportion. If that explains the residual of all periods, it is learnt. */
+ * proportion. If that explains the residual of all periods, it is learnt.
+ *
+ * The noise of the sensors is in the change, and L_xy times it in the residual. This is no error of
+ * L_xy. How large it is, the sums of the sets show, which would be 0 without it: their change has
+ * what is random in six sensors, converter included, and what stays, like an offset, is not in it. */
 static bool explained(const ht_leg_loss_config *cfg, ht_leg_loss_state *st)
 {
     const ht_leg_loss_fit *fit = &st->fit;
-    float least_V2 = EXPLAINED * fit->residual_V2;
-    return ((fit->both_VA * fit->both_VA) > (least_V2 * fit->change_A2))
-           && take(cfg, st, st->more_ohm - fit->both_VA / fit->change_A2);
+    float noise_A2 = NOISE_XY * fit->sums_A2;
+    float l = cfg->l_per_ts_ohm + st->more_ohm;
+    float change_A2 = fit->change_A2 - noise_A2;
+    float more_ohm;
+    float rest_V2;
+    if (!(change_A2 > 0.0f)) {
+        return false; /* nothing but noise */
+    }
+    more_ohm = (l * noise_A2 - fit->both_VA) / change_A2;
+    rest_V2 = fit->residual_V2 + more_ohm * (2.0f * fit->both_VA + more_ohm * fit->change_A2);
+    l += more_ohm;
+    return (rest_V2 < (UNEXPLAINED * fit->residual_V2 + NOISY * noise_A2 * l * l))
+           && (rest_V2 < (MOST_REST * fit->residual_V2)) && take(cfg, st, st->more_ohm + more_ohm);
 }
 
 /* The low pass of the residual is large: `clear2` is its square over that of its limit. The residual
@@ -218,10 +255,9 @@ static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
                     const ht_leg_loss_period *in, ht_xy now, ht_xy change, float clear2,
                     float limit_V)
 {
-    const float *i = in->end_A->p;
-    float one = i[0] + i[2] + i[4];
-    float two = i[1] + i[3] + i[5];
-    float sum2 = one * one + two * two;
+    ht_set_sums sums = sums_of(in->end_A);
+    ht_set_sums was = sums_of(in->begin_A);
+    float sum2 = sums.one_A * sums.one_A + sums.two_A * sums.two_A;
     float wrong2 = cfg->sum_A * cfg->sum_A;
     bool doubtful = (DOUBTFUL * sum2 > wrong2) && (clear2 < CLEAR);
     if (!(sum2 < wrong2)) { /* NaN too */
@@ -246,6 +282,9 @@ static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
     st->fit.both_VA += now.x * change.x + now.y * change.y;
     st->fit.change_A2 += change.x * change.x + change.y * change.y;
     st->fit.residual_V2 += now.x * now.x + now.y * now.y;
+    was.one_A -= sums.one_A;
+    was.two_A -= sums.two_A;
+    st->fit.sums_A2 += was.one_A * was.one_A + was.two_A * was.two_A;
     if (st->count <= cfg->hold) {
         st->count++;
     } else if (st->without != 0u) {
@@ -301,9 +340,12 @@ void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
     }
 }
 
-void ht_leg_loss_learn(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, float gain)
+void ht_leg_loss_learn(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, const ht_six *i_A,
+                       float gain)
 {
     ht_leg_loss_fit *fit = &st->slow;
+    ht_set_sums sums = sums_of(i_A);
+    float sums_A2 = sums.one_A * sums.one_A + sums.two_A * sums.two_A;
     ht_xy v = st->now_V;
     ht_xy i = st->change_A;
     float residual_V2 = v.x * v.x + v.y * v.y;
@@ -321,7 +363,9 @@ void ht_leg_loss_learn(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, flo
     /* The residual as it would be if nothing had been learnt. */
     fit->both_VA += gain * ((v.x * i.x + v.y * i.y - st->more_ohm * change_A2) - fit->both_VA);
     fit->change_A2 += gain * (change_A2 - fit->change_A2);
-    if ((shows_ohm * shows_ohm * fit->change_A2) > (SHOWS * cfg->least_V2)) {
+    fit->sums_A2 += gain * (sums_A2 - fit->sums_A2);
+    if (((shows_ohm * shows_ohm * fit->change_A2) > cfg->least_V2)
+        && (fit->change_A2 > (LOUD * fit->sums_A2))) {
         (void)take(cfg, st, -fit->both_VA / fit->change_A2);
     }
 }

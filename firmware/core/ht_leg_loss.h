@@ -60,6 +60,7 @@ typedef struct {
     float both_VA;   /**< residual times the change of the x-y current */
     float change_A2; /**< this change, squared */
     float residual_V2;
+    float sums_A2; /**< of the sets' currents: change of the sums, squared; slow: sums, squared */
 } ht_leg_loss_fit;
 
 typedef struct {
@@ -118,10 +119,11 @@ void ht_leg_loss_tolerate(ht_leg_loss_state *st, float rs_ohm, float lxy_H, floa
 #define HT_LEG_LOSS_TOLERANCE 0.3f
 
 /** For the slow interrupt: learn L_xy from its latest period, while no leg is suspected, the residual is
- *  not unusually large, and the x-y currents change so much that an L_xy 30 % wrong would show. Where
- *  they are regulated they do not, and nothing needs to be learnt. `gain`: of the means, per slow
- *  interrupt. */
-void ht_leg_loss_learn(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, float gain);
+ *  not unusually large, and the x-y currents change so much, and not by noise, that an L_xy 30 % wrong
+ *  makes a residual that counts. Where they are regulated they do not, and nothing needs to be learnt.
+ *  `i_A`: phase currents; `gain`: of the means, per slow interrupt. */
+void ht_leg_loss_learn(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, const ht_six *i_A,
+                       float gain);
 
 /** For the slow interrupt: whether evidence is being gathered, or the residual is beyond 0.4 of its
  *  limit. Then a leg may be lost whose arc is too small to be found while it burns. Never while the

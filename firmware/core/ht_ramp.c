@@ -44,9 +44,10 @@ float ht_ramp_step(const ht_ramp_config *cfg, ht_ramp_state *st, float target_rp
     bool falls = ((speed > 0.0f) && (target_rpm < speed))
                  || ((speed < 0.0f) && (target_rpm > speed));
     float rate = falls ? cfg->down_rpm : cfg->up_rpm;
-    float aim = (falls && ((speed * target_rpm) < 0.0f)) ? 0.0f : target_rpm;
+    float aim = (falls && ((speed > 0.0f) != (target_rpm > 0.0f))) ? 0.0f : target_rpm;
     float missing = target_rpm - speed;
     float step = missing;
+    bool away;
     if ((missing - missing) != 0.0f) {
         return speed; /* NaN or infinite */
     }
@@ -67,7 +68,8 @@ float ht_ramp_step(const ht_ramp_config *cfg, ht_ramp_state *st, float target_rp
     } else {
         /* at once */
     }
-    if (held && ((step * (speed - measured_rpm)) > 0.0f)) {
+    away = (speed > measured_rpm) ? (step > 0.0f) : ((speed < measured_rpm) && (step < 0.0f));
+    if (held && away) {
         st->slope_rpm = 0.0f;
         return speed;
     }

@@ -59,11 +59,34 @@ def test_a_right_belief_names_every_leg(result):
     assert own and {row["outcome"] for row in own} == {"right"}
 
 
-def test_a_sound_drive_that_stops_is_no_right_one():
-    """Under dtc1 noise hides that L_xy explains the residual; the study must tell it."""
-    cases = wrong_lxy.cases(quick=False)
-    (case,) = (c for c in cases if c.seed == 50_000 and c.scheme == "dtc1")
-    row = asdict(wrong_lxy.run(case))
+def case_of(seed):
+    (case,) = (c for c in wrong_lxy.cases(quick=False) if c.seed == seed)
+    return case
+
+
+@pytest.mark.parametrize("seed", (50_000, 50_054, 50_099))
+def test_noise_hides_no_wrong_belief(seed):
+    """Under dtc1 the residual is the noise's and a wrong L_xy's, before anything is lost."""
+    assert (case_of(seed).scheme, case_of(seed).belief) == ("dtc1", 0.7)
+    assert wrong_lxy.run(case_of(seed)).outcome == "right"
+
+
+def test_a_belief_that_hardly_shows_names_no_sound_leg():
+    """A healthy drive is stopped by no such L_xy. When a leg is lost it names another one, if it
+    was not learnt before."""
+    assert wrong_lxy.run(case_of(50_171)).outcome == "right"
+
+
+def test_a_sound_drive_that_stops_is_no_right_one(monkeypatch):
+    to = lost_phase._to
+
+    def lose_before(sim, *args):
+        to(sim, *args)
+        sim.break_leg("w2", "open")
+        sim.run(0.1, record=False)
+
+    monkeypatch.setattr(lost_phase, "_to", lose_before)
+    row = asdict(wrong_lxy.run(case_of(50_004)))
     assert row["outcome"] == "other" and row["error"] == "fault before the loss: phase lost"
 
 
