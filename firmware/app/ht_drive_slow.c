@@ -219,6 +219,11 @@ static void follow_build(ht_drive *d, const ht_drive_config *c)
 {
     ht_protect_follow(&c->protect, &d->protect, &d->control);
     (void)follow_along(d, c);
+    if (d->catches != 0u) {
+        ht_ramp_reset(&d->ramp, d->speed_rpm); /* RUN begins with the speed that there is then */
+        return;                                /* away from standstill R_s cannot be learnt */
+    }
+    d->slow_faults = turning_unnoticed(d, c);
     if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)
         && (d->off_legs == 0u)) {
         ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
@@ -437,7 +442,6 @@ void ht_drive_slow_isr(ht_drive *d)
     } else {
         d->slow_faults = 0u;
         if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->control.observer.magnets) {
-            d->slow_faults = turning_unnoticed(d, c);
             follow_build(d, c);
         }
     }

@@ -612,6 +612,8 @@ HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_sta
 /* Of the current that is missing, the share that one period adds. The period before it is not in the
  * sample yet; at a quarter the current still does not overshoot. */
 #define ALIGN_SHARE 0.25f
+/* Shortest zero-mean virtual vector, units of Vdc. */
+#define VIRTUAL_PU 0.577f
 /* Most voltage that aligns, units of Vdc: legs that are limited make one in x-y, too. */
 #define ALIGN_MOST_PU 0.5f
 
@@ -646,28 +648,100 @@ static ht_vsd aligning_pu(const ht_control_config *cfg, unsigned direction, ht_v
     return v;
 }
 
-void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
-                      const ht_control_input *in, unsigned direction, ht_compare *out)
+/* What a step needs that observes nothing by the voltage: the sample. Returns the currents. */
+static ht_vsd take_sample(const ht_control_config *cfg, ht_control_state *st,
+                          const ht_control_input *in)
 {
-    ht_winding winding = cfg->observer.winding;
-    ht_vsd i = currents_of(winding, &in->i_A);
-    ht_action_points p = {1.0f, 1.0f};
-    float i2 = i.ab.alpha * i.ab.alpha + i.ab.beta * i.ab.beta;
-    uint16_t s[3];
+    ht_vsd i = currents_of(cfg->observer.winding, &in->i_A);
     st->i_A = in->i_A;
     st->i_xy_A = i.xy;
-    st->observer.i_A = i.ab;
     st->flow = ht_flow_of(&in->i_A, &cfg->dead);
     st->spill.legs = 0u;
     begin_pattern(cfg, st);
+    return i;
+}
+
+/* The pattern of a voltage, units of Vdc, or under immediate load of a direction, HT_DIRECTIONS for none. */
+HT_SELDOM HT_WITH_CALLED static void impose(const ht_control_config *cfg, ht_control_state *st,
+                                            const ht_control_input *in, const ht_vsd *v_pu,
+                                            unsigned direction, ht_compare *out)
+{
+    ht_winding winding = cfg->observer.winding;
+    ht_action_points p = {1.0f, 1.0f};
+    uint16_t s[3];
     if (cfg->shadow) {
-        modulate(cfg, st, in, winding, aligning_pu(cfg, direction, i, in->vdc_V), out);
+        modulate(cfg, st, in, winding, *v_pu, out);
         return;
     }
-    if (i2 < cfg->build_current_A * cfg->build_current_A) {
+    if (direction < HT_DIRECTIONS) {
         p = pull_along(winding, direction, s);
     } else {
         ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
     }
     commit(cfg, st, s, p, out);
+}
+
+void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
+                      const ht_control_input *in, unsigned direction, ht_compare *out)
+{
+    ht_vsd i = take_sample(cfg, st, in);
+    float i2 = i.ab.alpha * i.ab.alpha + i.ab.beta * i.ab.beta;
+    bool pulls = i2 < cfg->build_current_A * cfg->build_current_A;
+    ht_vsd v = no_voltage;
+    st->observer.i_A = i.ab;
+    if (cfg->shadow) {
+        v = aligning_pu(cfg, direction, i, in->vdc_V);
+    }
+    impose(cfg, st, in, &v, pulls ? direction : HT_DIRECTIONS, out);
+}
+
+/* The direction nearest to a step of the flux, HT_DIRECTIONS if it is less than half of a period's. */
+static unsigned nearest(const ht_control_config *cfg, ht_ab step_Wb, float vdc_V)
+{
+    float half_Wb = 0.5f * VIRTUAL_PU * vdc_V * cfg->observer.ts_s;
+    float size2 = step_Wb.alpha * step_Wb.alpha + step_Wb.beta * step_Wb.beta;
+    if (!(size2 > half_Wb * half_Wb)) {
+        return HT_DIRECTIONS;
+    }
+    return (cfg->observer.winding == HT_WINDING_30) ? ht_sector(step_Wb)
+                                                    : ht_sector_of_six(step_Wb);
+}
+
+void ht_control_catch_begin(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A)
+{
+    ht_observer_state flux = st->observer;
+    ht_control_reset(cfg, st, i_A);
+    st->observer.psi_Wb = flux.psi_Wb;
+    st->observer.psi_r_Wb = flux.psi_r_Wb;
+    st->observer.rs_ohm = flux.rs_ohm;
+    st->observer.rr_scale = flux.rr_scale;
+    st->estimate.psi_Wb = flux.psi_Wb;
+    st->decided = st->estimate;
+    ht_catch_begin(&st->caught, flux.psi_Wb);
+}
+
+void ht_control_catch(const ht_control_config *cfg, ht_control_state *st,
+                      const ht_control_input *in, ht_compare *out)
+{
+    const ht_observer_config *m = &cfg->observer;
+    ht_vsd i = take_sample(cfg, st, in);
+    float inv_vdc = 1.0f / in->vdc_V;
+    float xy_pu = ALIGN_SHARE * m->lxy_H * m->inv_ts * inv_vdc;
+    ht_catch_input seen;
+    ht_ab step_Wb;
+    ht_vsd v;
+    st->estimate = ht_observer_catch(m, &st->observer, i.ab, in->turn_rad);
+    st->decided = st->estimate;
+    seen.psi_Wb = st->estimate.psi_Wb;
+    seen.i_A = i.ab;
+    seen.turn_rad = in->turn_rad;
+    seen.flux_ref_Wb = in->flux_ref_Wb;
+    seen.vdc_V = in->vdc_V;
+    seen.shadow = cfg->shadow;
+    step_Wb = ht_catch_step(m, &st->observer, &st->caught, &seen);
+    v.ab.alpha = m->inv_ts * inv_vdc * step_Wb.alpha;
+    v.ab.beta = m->inv_ts * inv_vdc * step_Wb.beta;
+    v.xy.x = -xy_pu * i.xy.x;
+    v.xy.y = -xy_pu * i.xy.y;
+    impose(cfg, st, in, &v, nearest(cfg, step_Wb, in->vdc_V), out);
 }

@@ -1,5 +1,6 @@
 #include "ht_observer.h"
 
+#include "ht_angle.h"
 #include "ht_limited.h"
 #include "ht_turned.h"
 
@@ -230,6 +231,41 @@ void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_
     st->psi_r_Wb.beta = r * axis.beta;
     st->psi_Wb.alpha = st->psi_r_Wb.alpha + cfg->sigma_ls_H * i_A.alpha;
     st->psi_Wb.beta = st->psi_r_Wb.beta + cfg->sigma_ls_H * i_A.beta;
+}
+
+#define PI_F 3.14159265f
+
+void ht_observer_coast(const ht_observer_config *cfg, ht_observer_state *st, float turn_rad)
+{
+    float turns = (0.5f / PI_F) * turn_rad;
+    float keep = 1.0f - cfg->rotor_decay * st->rr_scale;
+    /* A flux may coast for so long that the error of ht_turned would add up. */
+    ht_ab u = ht_unit((turns < 0.0f) ? (1.0f + turns) : turns);
+    ht_ab psi;
+    /* Of the first period after a current: what is left when the current has gone. */
+    psi.alpha = keep * (st->psi_Wb.alpha - cfg->sigma_ls_H * st->i_A.alpha);
+    psi.beta = keep * (st->psi_Wb.beta - cfg->sigma_ls_H * st->i_A.beta);
+    psi = ht_product(psi, u);
+    st->i_A.alpha = 0.0f;
+    st->i_A.beta = 0.0f;
+    st->psi_Wb = psi;
+    st->psi_r_Wb.alpha = psi.alpha / cfg->lm_over_lr;
+    st->psi_r_Wb.beta = psi.beta / cfg->lm_over_lr;
+}
+
+ht_estimate ht_observer_catch(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
+                              float turn_rad)
+{
+    const ht_ab none = {0.0f, 0.0f};
+    ht_estimate now;
+    (void)pulled_to_current_model(cfg, st, none, i_A, turn_rad);
+    now.psi_Wb.alpha = -st->gap_Wb.alpha;
+    now.psi_Wb.beta = -st->gap_Wb.beta;
+    now.torque_Nm = cfg->torque_gain * cross(now.psi_Wb, i_A);
+    st->gap_Wb = none;
+    st->psi_Wb = now.psi_Wb;
+    st->i_A = i_A;
+    return now;
 }
 
 ht_ab ht_observer_predict_rotor(const ht_observer_config *cfg, const ht_observer_state *st,

@@ -91,6 +91,14 @@ ht_estimate ht_observer_update_magnet(const ht_observer_config *cfg, ht_observer
 /** The rotor with magnets has been aligned: its d axis is `axis`, the machine carries `i_A`. */
 void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A, ht_ab axis);
 
+/** Every observer, one period without current, because the gates are off: the stator has the flux that the
+ *  rotor's makes in it. This turns with the rotor, by `turn_rad`, and decays. */
+void ht_observer_coast(const ht_observer_config *cfg, ht_observer_state *st, float turn_rad);
+
+/** Every observer: the current model alone, one period. It goes on from ht_observer_coast. */
+ht_estimate ht_observer_catch(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
+                              float turn_rad);
+
 /** Hybrid observer: correct the resistances in use. For the slow loop, while torque control
  *  runs. `gain`, 0..1: the share of the observed error that one call removes; 0 returns to
  *  the configured values.
