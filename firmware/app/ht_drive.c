@@ -550,7 +550,7 @@ HT_SELDOM static void catch_shaft(ht_drive *d)
         fault(d, (uint16_t)faults);
         return;
     }
-    d->control.observer.omega_sync_rad_s = omega_rad_s; /* there is no slip */
+    d->in.omega_rad_s = omega_rad_s;
     ht_drive_set_flux_ref(d, caught_Wb(d, omega_rad_s));
     ht_control_catch(&c->control, &d->control, &d->in, &out);
     ht_port_write(d->port, &out);

@@ -10,6 +10,10 @@
 /* Largest step, units of Vdc Ts: what the modulator makes in every direction. */
 #define CATCH_MOST_PU 0.55f
 
+/* The pull is this over the time since the beginning: what there is of the current model's error then falls
+ * with the fourth power of time while the flux turns slowly, and at once as soon as it turns faster. */
+#define CATCH_PULL 4.0f
+
 void ht_catch_begin(ht_catch_state *st, ht_ab psi_Wb)
 {
     float size_Wb = sqrtf(psi_Wb.alpha * psi_Wb.alpha + psi_Wb.beta * psi_Wb.beta);
@@ -21,6 +25,13 @@ void ht_catch_begin(ht_catch_state *st, ht_ab psi_Wb)
     }
     st->step_Wb.alpha = 0.0f;
     st->step_Wb.beta = 0.0f;
+    st->periods = 0.0f;
+}
+
+float ht_catch_pull(ht_catch_state *st)
+{
+    st->periods += 1.0f;
+    return (st->periods > CATCH_PULL) ? (CATCH_PULL / st->periods) : 1.0f;
 }
 
 /* The unit vector, turned with the rotor. The factor takes back what many turns change of its length. */

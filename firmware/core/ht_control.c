@@ -453,7 +453,7 @@ static ht_xy less_induced(const ht_control_config *cfg, const ht_control_state *
 /* Observe the period that ended and, if asked, look one period ahead. */
 static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_state *st,
                                     const ht_control_input *in, ht_vsd i, bool lost, bool magnets,
-                                    ht_winding winding)
+                                    bool caught, ht_winding winding)
 {
     ht_flow now = {0u, 0u};
     ht_flow then;
@@ -479,10 +479,17 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
         ht_xy acts = magnets ? less_induced(cfg, st, in->axis, -0.5f, v.xy) : v.xy;
         ht_leg_loss_step(&cfg->leg_loss, &st->leg_loss, &period, acts, st->i_xy_A, i.xy);
     }
+    if (caught) {
+        ht_observer_follow(&cfg->observer, &st->observer, i.ab, in->turn_rad);
+    }
     estimate = magnets ? ht_observer_update_magnet(&cfg->observer, &st->observer, v.ab, i.ab,
                                                    in->turn_rad, in->axis)
                        : ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab, in->turn_rad,
                                             in->inv_flux_ref2);
+    if (caught) {
+        estimate = ht_observer_pull(&cfg->observer, &st->observer, ht_catch_pull(&st->caught),
+                                    in->omega_rad_s);
+    }
     st->estimate = estimate;
     st->i_xy_A.x = i.xy.x;
     st->i_xy_A.y = i.xy.y;
@@ -558,16 +565,76 @@ static HT_INTO_CALLERS ht_action_points build_step(const ht_control_config *cfg,
     return whole;
 }
 
+/* Shortest zero-mean virtual vector, units of Vdc. */
+#define VIRTUAL_PU 0.577f
+
+/* The vector nearest to a step of the flux: action points, and the state words into `s`. */
+static HT_INTO_CALLERS ht_action_points nearest(const ht_control_config *cfg,
+                                                const ht_control_state *st,
+                                                const ht_control_input *in, ht_winding winding,
+                                                ht_ab step_Wb, uint16_t s[3])
+{
+    ht_action_points whole = {1.0f, 1.0f};
+    float half_Wb = 0.5f * VIRTUAL_PU * in->vdc_V * cfg->observer.ts_s;
+    if ((step_Wb.alpha * step_Wb.alpha + step_Wb.beta * step_Wb.beta) > half_Wb * half_Wb) {
+        return pull_along(winding,
+                          (winding == HT_WINDING_30) ? ht_sector(step_Wb)
+                                                     : ht_sector_of_six(step_Wb),
+                          s);
+    }
+    ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
+    return whole;
+}
+
+/* Of a current in x-y that is to go, the share that one period takes away. */
+#define CATCH_XY_SHARE 0.25f
+
+/* A shaft that is caught: the pattern, as the modulator makes it, or the state words of the nearest
+ * vector. */
+static HT_INTO_CALLERS void catch_step(const ht_control_config *cfg, ht_control_state *st,
+                                       const ht_control_input *in, ht_vsd i, ht_winding winding,
+                                       ht_compare *out)
+{
+    float pu_Wb = cfg->observer.inv_ts / in->vdc_V;
+    float xy_pu = CATCH_XY_SHARE * cfg->observer.lxy_H * pu_Wb;
+    ht_catch_input seen;
+    ht_action_points p;
+    ht_ab step_Wb;
+    ht_vsd v;
+    uint16_t s[3];
+    seen.psi_Wb = st->estimate.psi_Wb;
+    seen.i_A = i.ab;
+    seen.turn_rad = in->turn_rad;
+    seen.flux_ref_Wb = in->flux_ref_Wb;
+    seen.vdc_V = in->vdc_V;
+    seen.shadow = cfg->shadow;
+    step_Wb = ht_catch_step(&cfg->observer, &st->observer, &st->caught, &seen);
+    if (cfg->shadow) {
+        v.ab.alpha = pu_Wb * step_Wb.alpha;
+        v.ab.beta = pu_Wb * step_Wb.beta;
+        v.xy.x = -xy_pu * i.xy.x;
+        v.xy.y = -xy_pu * i.xy.y;
+        modulate(cfg, st, in, winding, v, out);
+        return;
+    }
+    p = nearest(cfg, st, in, winding, step_Wb, s);
+    commit(cfg, st, s, p, out);
+}
+
 /* The step of a drive that has all its legs, and of one that has not. */
 static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state *st,
                                  const ht_control_input *in, bool build, bool lost, bool magnets,
-                                 ht_winding winding, ht_compare *out)
+                                 bool caught, ht_winding winding, ht_compare *out)
 {
     ht_vsd i = currents_of(winding, &in->i_A);
     ht_action_points p;
     ht_xy emf_pu;
     uint16_t s[3];
-    observe(cfg, st, in, i, lost, magnets, winding);
+    observe(cfg, st, in, i, lost, magnets, caught, winding);
+    if (caught) {
+        catch_step(cfg, st, in, i, winding, out);
+        return;
+    }
     if (magnets) {
         st->emf_V = induced_V(cfg, st, in->axis, cfg->shadow ? 1.5f : 0.5f);
         emf_pu.x = st->emf_V.x / in->vdc_V;
@@ -586,15 +653,34 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     commit(cfg, st, s, p, out);
 }
 
-/* Without a leg, with magnets, or with sets that are not 30 degrees apart. A function of its own: in one
- * with the step of a healthy induction machine each would cost the other registers. */
+/* Without a leg, with magnets, with sets that are not 30 degrees apart, or to catch a shaft. A function of
+ * its own: in one with the step of a healthy induction machine each would cost the other registers. */
 HT_SELDOM HT_WITH_CALLED static void special_step(const ht_control_config *cfg,
                                                   ht_control_state *st, const ht_control_input *in,
-                                                  bool build, ht_compare *out)
+                                                  bool build, bool caught, ht_compare *out)
 {
     bool magnets = cfg->observer.magnets;
     bool lost = !magnets && (st->lost.axes != 0u);
-    step(cfg, st, in, build, lost, magnets, cfg->observer.winding, out);
+    step(cfg, st, in, build, lost, magnets, caught, cfg->observer.winding, out);
+}
+
+void ht_control_catch_begin(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A)
+{
+    ht_observer_state flux = st->observer;
+    ht_control_reset(cfg, st, i_A);
+    st->observer.psi_Wb = flux.psi_Wb;
+    st->observer.psi_r_Wb = flux.psi_r_Wb;
+    st->observer.rs_ohm = flux.rs_ohm;
+    st->observer.rr_scale = flux.rr_scale;
+    st->estimate.psi_Wb = flux.psi_Wb;
+    st->decided = st->estimate;
+    ht_catch_begin(&st->caught, flux.psi_Wb);
+}
+
+void ht_control_catch(const ht_control_config *cfg, ht_control_state *st,
+                      const ht_control_input *in, ht_compare *out)
+{
+    special_step(cfg, st, in, true, true, out);
 }
 
 /* With all that it calls: how much of it the compiler would put here hangs on the size of files that
@@ -603,17 +689,15 @@ HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_sta
                                     const ht_control_input *in, bool build, ht_compare *out)
 {
     if (cfg->special || (st->lost.axes != 0u)) {
-        special_step(cfg, st, in, build, out);
+        special_step(cfg, st, in, build, false, out);
     } else {
-        step(cfg, st, in, build, false, false, HT_WINDING_30, out);
+        step(cfg, st, in, build, false, false, false, HT_WINDING_30, out);
     }
 }
 
 /* Of the current that is missing, the share that one period adds. The period before it is not in the
  * sample yet; at a quarter the current still does not overshoot. */
 #define ALIGN_SHARE 0.25f
-/* Shortest zero-mean virtual vector, units of Vdc. */
-#define VIRTUAL_PU 0.577f
 /* Most voltage that aligns, units of Vdc: legs that are limited make one in x-y, too. */
 #define ALIGN_MOST_PU 0.5f
 
@@ -648,100 +732,28 @@ static ht_vsd aligning_pu(const ht_control_config *cfg, unsigned direction, ht_v
     return v;
 }
 
-/* What a step needs that observes nothing by the voltage: the sample. Returns the currents. */
-static ht_vsd take_sample(const ht_control_config *cfg, ht_control_state *st,
-                          const ht_control_input *in)
+void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
+                      const ht_control_input *in, unsigned direction, ht_compare *out)
 {
-    ht_vsd i = currents_of(cfg->observer.winding, &in->i_A);
+    ht_winding winding = cfg->observer.winding;
+    ht_vsd i = currents_of(winding, &in->i_A);
+    ht_action_points p = {1.0f, 1.0f};
+    float i2 = i.ab.alpha * i.ab.alpha + i.ab.beta * i.ab.beta;
+    uint16_t s[3];
     st->i_A = in->i_A;
     st->i_xy_A = i.xy;
+    st->observer.i_A = i.ab;
     st->flow = ht_flow_of(&in->i_A, &cfg->dead);
     st->spill.legs = 0u;
     begin_pattern(cfg, st);
-    return i;
-}
-
-/* The pattern of a voltage, units of Vdc, or under immediate load of a direction, HT_DIRECTIONS for none. */
-HT_SELDOM HT_WITH_CALLED static void impose(const ht_control_config *cfg, ht_control_state *st,
-                                            const ht_control_input *in, const ht_vsd *v_pu,
-                                            unsigned direction, ht_compare *out)
-{
-    ht_winding winding = cfg->observer.winding;
-    ht_action_points p = {1.0f, 1.0f};
-    uint16_t s[3];
     if (cfg->shadow) {
-        modulate(cfg, st, in, winding, *v_pu, out);
+        modulate(cfg, st, in, winding, aligning_pu(cfg, direction, i, in->vdc_V), out);
         return;
     }
-    if (direction < HT_DIRECTIONS) {
+    if (i2 < cfg->build_current_A * cfg->build_current_A) {
         p = pull_along(winding, direction, s);
     } else {
         ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
     }
     commit(cfg, st, s, p, out);
-}
-
-void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
-                      const ht_control_input *in, unsigned direction, ht_compare *out)
-{
-    ht_vsd i = take_sample(cfg, st, in);
-    float i2 = i.ab.alpha * i.ab.alpha + i.ab.beta * i.ab.beta;
-    bool pulls = i2 < cfg->build_current_A * cfg->build_current_A;
-    ht_vsd v = no_voltage;
-    st->observer.i_A = i.ab;
-    if (cfg->shadow) {
-        v = aligning_pu(cfg, direction, i, in->vdc_V);
-    }
-    impose(cfg, st, in, &v, pulls ? direction : HT_DIRECTIONS, out);
-}
-
-/* The direction nearest to a step of the flux, HT_DIRECTIONS if it is less than half of a period's. */
-static unsigned nearest(const ht_control_config *cfg, ht_ab step_Wb, float vdc_V)
-{
-    float half_Wb = 0.5f * VIRTUAL_PU * vdc_V * cfg->observer.ts_s;
-    float size2 = step_Wb.alpha * step_Wb.alpha + step_Wb.beta * step_Wb.beta;
-    if (!(size2 > half_Wb * half_Wb)) {
-        return HT_DIRECTIONS;
-    }
-    return (cfg->observer.winding == HT_WINDING_30) ? ht_sector(step_Wb)
-                                                    : ht_sector_of_six(step_Wb);
-}
-
-void ht_control_catch_begin(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A)
-{
-    ht_observer_state flux = st->observer;
-    ht_control_reset(cfg, st, i_A);
-    st->observer.psi_Wb = flux.psi_Wb;
-    st->observer.psi_r_Wb = flux.psi_r_Wb;
-    st->observer.rs_ohm = flux.rs_ohm;
-    st->observer.rr_scale = flux.rr_scale;
-    st->estimate.psi_Wb = flux.psi_Wb;
-    st->decided = st->estimate;
-    ht_catch_begin(&st->caught, flux.psi_Wb);
-}
-
-void ht_control_catch(const ht_control_config *cfg, ht_control_state *st,
-                      const ht_control_input *in, ht_compare *out)
-{
-    const ht_observer_config *m = &cfg->observer;
-    ht_vsd i = take_sample(cfg, st, in);
-    float inv_vdc = 1.0f / in->vdc_V;
-    float xy_pu = ALIGN_SHARE * m->lxy_H * m->inv_ts * inv_vdc;
-    ht_catch_input seen;
-    ht_ab step_Wb;
-    ht_vsd v;
-    st->estimate = ht_observer_catch(m, &st->observer, i.ab, in->turn_rad);
-    st->decided = st->estimate;
-    seen.psi_Wb = st->estimate.psi_Wb;
-    seen.i_A = i.ab;
-    seen.turn_rad = in->turn_rad;
-    seen.flux_ref_Wb = in->flux_ref_Wb;
-    seen.vdc_V = in->vdc_V;
-    seen.shadow = cfg->shadow;
-    step_Wb = ht_catch_step(m, &st->observer, &st->caught, &seen);
-    v.ab.alpha = m->inv_ts * inv_vdc * step_Wb.alpha;
-    v.ab.beta = m->inv_ts * inv_vdc * step_Wb.beta;
-    v.xy.x = -xy_pu * i.xy.x;
-    v.xy.y = -xy_pu * i.xy.y;
-    impose(cfg, st, in, &v, nearest(cfg, step_Wb, in->vdc_V), out);
 }

@@ -94,6 +94,7 @@ typedef struct {
     float torque_ref_Nm;
     float flux_ref_Wb;
     float turn_rad;      /**< electrical angle the rotor turned since the last sample */
+    float omega_rad_s;   /**< electrical speed of the rotor, while a shaft is caught */
     ht_ab axis;          /**< d axis of a rotor with magnets */
     float inv_flux_ref2; /**< 1 / flux_ref_Wb^2, prepared by the slow loop */
 } ht_control_input;
@@ -147,8 +148,7 @@ void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
  *  on: a turning shaft is caught. */
 void ht_control_catch_begin(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A);
 
-/** One period of catching a turning shaft: flux without torque, by every scheme alike. The observer's
- *  `omega_sync_rad_s` must be the rotor's. Under shadow load the modulator makes the voltage. Under
+/** One period of catching a turning shaft: flux without torque, by every scheme alike. Under shadow load the modulator makes the voltage. Under
  *  immediate load it is the zero-mean virtual vector next to it, or a zero vector. */
 void ht_control_catch(const ht_control_config *cfg, ht_control_state *st,
                       const ht_control_input *in, ht_compare *out);

@@ -253,18 +253,26 @@ void ht_observer_coast(const ht_observer_config *cfg, ht_observer_state *st, flo
     st->psi_r_Wb.beta = psi.beta / cfg->lm_over_lr;
 }
 
-ht_estimate ht_observer_catch(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
-                              float turn_rad)
+void ht_observer_follow(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
+                        float turn_rad)
 {
-    const ht_ab none = {0.0f, 0.0f};
+    if (cfg->kind != HT_OBSERVER_HYBRID) {
+        (void)pulled_to_current_model(cfg, st, st->psi_Wb, i_A, turn_rad);
+    }
+}
+
+ht_estimate ht_observer_pull(const ht_observer_config *cfg, ht_observer_state *st, float share,
+                             float omega_rad_s)
+{
+    ht_ab i = st->i_A;
+    ht_ab psi = st->psi_Wb;
     ht_estimate now;
-    (void)pulled_to_current_model(cfg, st, none, i_A, turn_rad);
-    now.psi_Wb.alpha = -st->gap_Wb.alpha;
-    now.psi_Wb.beta = -st->gap_Wb.beta;
-    now.torque_Nm = cfg->torque_gain * cross(now.psi_Wb, i_A);
-    st->gap_Wb = none;
-    st->psi_Wb = now.psi_Wb;
-    st->i_A = i_A;
+    psi.alpha -= share * (psi.alpha - cfg->lm_over_lr * st->psi_r_Wb.alpha - cfg->sigma_ls_H * i.alpha);
+    psi.beta -= share * (psi.beta - cfg->lm_over_lr * st->psi_r_Wb.beta - cfg->sigma_ls_H * i.beta);
+    st->psi_Wb = psi;
+    st->omega_sync_rad_s = omega_rad_s;
+    now.psi_Wb = psi;
+    now.torque_Nm = cfg->torque_gain * cross(psi, i);
     return now;
 }
 
