@@ -515,8 +515,8 @@ HT_SELDOM static void align(ht_drive *d)
     protect_after(d);
 }
 
-/* Share of the dc link's voltage that the flux of a shaft that is caught may take: the rest is left for
- * the current. In RUN the flux then rises to what weakening lets it have. */
+/* Share of the dc link's voltage that the flux of a shaft that is caught may take at most: the rest is left
+ * for the current. In RUN the flux then rises to what weakening lets it have. */
 #define CATCH_PU 0.5f
 
 /* The next flux reference of a shaft that is caught. It rises as fast as at standstill, but waits while the
@@ -529,9 +529,11 @@ static float caught_Wb(const ht_drive *d, float omega_rad_s)
     float step_Wb = most_Wb / (float)(d->build_ticks + 1u);
     float turned_V = fabsf(omega_rad_s) * most_Wb;
     float flux_Wb = d->flux_ref_Wb;
+    float reach_pu = d->config->flux.reach_pu; /* the scheme must hold it */
+    float most_V = ((reach_pu < CATCH_PU) ? reach_pu : CATCH_PU) * d->in.vdc_V;
     bool free = (i.alpha * i.alpha + i.beta * i.beta) < c->build_current_A * c->build_current_A;
-    if (turned_V > CATCH_PU * d->in.vdc_V) {
-        most_Wb *= CATCH_PU * d->in.vdc_V / turned_V;
+    if (turned_V > most_V) {
+        most_Wb *= most_V / turned_V;
     }
     if ((flux_Wb < most_Wb) && !free) {
         return flux_Wb;
