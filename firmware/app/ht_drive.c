@@ -81,11 +81,10 @@ static void measure(ht_drive *d)
 }
 
 /* Faults after which the estimate of the flux cannot be trusted. */
-#define DOUBTS                                                                     \
-    ((unsigned)HT_FAULT_NONFINITE | (unsigned)HT_FAULT_CALIBRATION                 \
-     | (unsigned)HT_FAULT_CURRENT_SUM | (unsigned)HT_FAULT_FLUX                    \
-     | (unsigned)HT_FAULT_ENCODER | (unsigned)HT_FAULT_STUCK                       \
-     | (unsigned)HT_FAULT_INTERRUPT | (unsigned)HT_FAULT_PHASE)
+#define DOUBTS                                                                               \
+    ((unsigned)HT_FAULT_NONFINITE | (unsigned)HT_FAULT_CALIBRATION                           \
+     | (unsigned)HT_FAULT_CURRENT_SUM | (unsigned)HT_FAULT_FLUX | (unsigned)HT_FAULT_ENCODER \
+     | (unsigned)HT_FAULT_STUCK | (unsigned)HT_FAULT_INTERRUPT | (unsigned)HT_FAULT_PHASE)
 
 static void keep(ht_drive *d, uint16_t state, uint16_t bits)
 {
@@ -296,8 +295,7 @@ static void begin_flux(ht_drive *d)
     ht_ab psi = d->control.observer.psi_Wb;
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     float least_Wb = LEFT_OVER * v[HT_P_flux_ref_Wb];
-    bool moves = (psi2 > least_Wb * least_Wb)
-                 || !finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
+    bool moves = (psi2 > least_Wb * least_Wb) || !finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
     d->catches = 0u;
     if (moves && can_catch(d)) {
         d->catches = 1u;

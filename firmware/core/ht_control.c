@@ -574,16 +574,17 @@ static HT_INTO_CALLERS ht_action_points nearest(const ht_control_config *cfg,
                                                 const ht_control_input *in, ht_winding winding,
                                                 ht_ab step_Wb, uint16_t s[3])
 {
-    ht_action_points whole = {1.0f, 1.0f};
+    ht_action_points p = {1.0f, 1.0f};
     float half_Wb = 0.5f * VIRTUAL_PU * in->vdc_V * cfg->observer.ts_s;
-    if ((step_Wb.alpha * step_Wb.alpha + step_Wb.beta * step_Wb.beta) > half_Wb * half_Wb) {
-        return pull_along(winding,
-                          (winding == HT_WINDING_30) ? ht_sector(step_Wb)
-                                                     : ht_sector_of_six(step_Wb),
-                          s);
+    float size2 = step_Wb.alpha * step_Wb.alpha + step_Wb.beta * step_Wb.beta;
+    if (size2 > half_Wb * half_Wb) {
+        p = pull_along(winding,
+                       (winding == HT_WINDING_30) ? ht_sector(step_Wb) : ht_sector_of_six(step_Wb),
+                       s);
+    } else {
+        ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
     }
-    ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
-    return whole;
+    return p;
 }
 
 /* Of a current in x-y that is to go, the share that one period takes away. */

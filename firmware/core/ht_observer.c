@@ -267,7 +267,8 @@ ht_estimate ht_observer_pull(const ht_observer_config *cfg, ht_observer_state *s
     ht_ab i = st->i_A;
     ht_ab psi = st->psi_Wb;
     ht_estimate now;
-    psi.alpha -= share * (psi.alpha - cfg->lm_over_lr * st->psi_r_Wb.alpha - cfg->sigma_ls_H * i.alpha);
+    psi.alpha -= share
+                 * (psi.alpha - cfg->lm_over_lr * st->psi_r_Wb.alpha - cfg->sigma_ls_H * i.alpha);
     psi.beta -= share * (psi.beta - cfg->lm_over_lr * st->psi_r_Wb.beta - cfg->sigma_ls_H * i.beta);
     st->psi_Wb = psi;
     st->omega_sync_rad_s = omega_rad_s;

@@ -26,6 +26,9 @@ SHARES = (0.1, 0.5, 1.0, 1.5)
 PAUSES = (None, 0.0, 0.3, 1.0, 2.0, 5.0)
 #: No current may come nearer to the trip.
 MOST = 0.8
+#: A scheme that comes nearer to the trip than this by itself has nothing to spare: dtc1 on machines of
+#: little leakage.
+USUAL = 0.65
 #: The shaft is held at its speed while the gates are off: looked at this often.
 HELD_S = 0.01
 
@@ -131,8 +134,8 @@ class Shaft:
 
 
 def runs_there(case):
-    """Whether the same drive, when it has come there from standstill, works and keeps as far from
-    the trip."""
+    """Whether the same drive, when it has come there from standstill, works, and with currents that
+    are usual."""
     shaft = Shaft(case)
     shaft.sim.set("speed_ref_rpm", 0.0)
     shaft.sim.start()
@@ -141,7 +144,7 @@ def runs_there(case):
     for share in np.linspace(0.0, 1.0, 50):
         shaft.turn(0.02, share * shaft.rpm)
     shaft.turn(0.3)
-    return shaft.peak(0.3) < MOST and shaft.sim.state == firmware.RUN
+    return shaft.peak(0.3) < USUAL and shaft.sim.state == firmware.RUN
 
 
 def tried(case):
