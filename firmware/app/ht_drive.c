@@ -266,6 +266,7 @@ HT_SELDOM static void coast(ht_drive *d)
 {
     const ht_observer_config *c = &d->config->control.observer;
     const ht_ab no_current = {0.0f, 0.0f};
+    d->off_ticks = (d->off_ticks < 0xFFFFu) ? (uint16_t)(d->off_ticks + 1u) : 0xFFFFu;
     if (c->magnets) {
         return;
     }
@@ -306,6 +307,9 @@ static void begin_flux(ht_drive *d)
     }
 }
 
+/* Diodes end the currents within this time after the gates went off: they work against the dc link. */
+#define CURRENTS_END_S 0.005f
+
 static void calibrate(ht_drive *d)
 {
     unsigned faults = faults_before(d, false);
@@ -322,10 +326,14 @@ static void calibrate(ht_drive *d)
         ht_control_low_pattern(&d->config->control, &low);
         ht_port_write(d->port, &low);
     }
+    coast(d);
+    if ((float)d->off_ticks < CURRENTS_END_S * d->config->params.v[HT_P_f_isr_Hz]) {
+        d->state_ticks = 0u; /* begin anew */
+        return;
+    }
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_sum[leg] += d->samples.adc[HT_ADC_I + leg];
     }
-    coast(d);
     if (d->state_ticks < d->calibration_ticks) {
         return;
     }
@@ -345,6 +353,7 @@ static void calibrate(ht_drive *d)
     ht_speed_reset(&d->speed);
     ht_ramp_reset(&d->ramp, d->speed_rpm);
     d->motion = (uint16_t)HT_MOTION_FOLLOW;
+    d->off_ticks = 0u;
     ht_set_difference_begin(&d->sets);
     d->torque_ref_Nm = 0.0f;
     d->vdc_acts = 0u;

@@ -122,6 +122,7 @@ typedef struct {
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;
+    uint16_t off_ticks;    /**< fast interrupts with the gates off, until 0xFFFF of them */
     uint16_t catches;      /**< 1: this build-up catches a turning shaft, or a flux that is left */
     float flux_unknown;    /**< share of the flux reference that the machine may have unknown */
     uint16_t flux_lowered; /**< 1: less flux, to keep the flux turning */

@@ -98,6 +98,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     d->flux_lowered = 0u;
     d->flux_unknown = 1.0f;
     d->catches = 0u;
+    d->off_ticks = 0xFFFFu;
     ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
     d->torque_limit_Nm = d->params.v[HT_P_torque_limit_Nm];
     d->torque_least_Nm = -d->torque_limit_Nm;
