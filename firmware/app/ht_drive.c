@@ -552,7 +552,7 @@ static float caught_Wb(const ht_drive *d, float omega_rad_s)
 HT_SELDOM static void catch_shaft(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
-    unsigned faults = faults_in_build(d);
+    unsigned faults = faults_in_build(d) | d->slow_faults;
     float omega_rad_s = d->speed_rpm / c->protect.rpm_per_rad_s;
     ht_compare out;
     if (faults != 0u) {

@@ -32,6 +32,18 @@ static uint16_t turning_unnoticed(const ht_drive *d, const ht_drive_config *c)
     return (uint16_t)HT_FAULT_ENCODER;
 }
 
+/* A shaft that is caught takes no torque, but for what its flux is believed wrong. More current across the flux
+ * than this, in no-load currents, tells that it turns otherwise than the encoder says. */
+#define CATCH_ACROSS 1.5f
+static uint16_t slips_unnoticed(const ht_drive *d, const ht_drive_config *c)
+{
+    float most_A = CATCH_ACROSS * c->protect.no_load_A;
+    if (!(c->params.v[HT_P_encoder_trip_rpm] > 0.0f) || (fabsf(d->protect.i_A.beta) < most_A)) {
+        return 0u;
+    }
+    return (uint16_t)HT_FAULT_ENCODER;
+}
+
 /* Current in alpha-beta that the lost legs leave. */
 static float derated_A(const ht_drive *d, const ht_drive_config *c)
 {
@@ -221,7 +233,8 @@ static void follow_build(ht_drive *d, const ht_drive_config *c)
     (void)follow_along(d, c);
     if (d->catches != 0u) {
         ht_ramp_reset(&d->ramp, d->speed_rpm); /* RUN begins with the speed that there is then */
-        return;                                /* away from standstill R_s cannot be learnt */
+        d->slow_faults = slips_unnoticed(d, c);
+        return; /* away from standstill R_s cannot be learnt */
     }
     d->slow_faults = turning_unnoticed(d, c);
     if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)

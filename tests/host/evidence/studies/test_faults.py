@@ -275,8 +275,9 @@ def test_restart_without_an_encoder(setup):
     faults._bring_to(sim, "run", rng)
     sim.set("load_Nm", 0.0)
     sim.stop()
-    assert faults._restart(sim) == ""  # refused
-    assert sim.controller.state == "idle"
+    assert faults._restart(sim) == ""  # caught
+    assert sim.controller.state == "run"
+    sim.stop()
     sim.sensors.hold[faults.ENCODER] = 1
     sim.run(0.05, record=False)
     assert abs(sim.speed_rpm) > 200
