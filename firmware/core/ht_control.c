@@ -201,10 +201,10 @@ static HT_INTO_CALLERS void modulate(const ht_control_config *cfg, ht_control_st
     st->v_xy_pu = v.xy;
 }
 
-/* A voltage that the law wants. */
-static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_control_state *st,
-                                           const ht_control_input *in, ht_vsd i, bool lost,
-                                           bool magnets, ht_winding winding, ht_compare *out)
+/* A voltage that the law wants, units of Vdc. */
+static HT_INTO_CALLERS ht_vsd wanted_pu(const ht_control_config *cfg, ht_control_state *st,
+                                        const ht_control_input *in, ht_vsd i, bool lost,
+                                        bool magnets)
 {
     ht_voltage_law_input seen;
     ht_vsd v;
@@ -231,7 +231,7 @@ static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_cont
     if (lost) {
         v = ht_lost_legs_command(&st->lost, &cfg->observer, &seen, v);
     }
-    modulate(cfg, st, in, winding, v, out);
+    return v;
 }
 
 void ht_control_select(ht_control_config *cfg, ht_scheme scheme)
@@ -547,62 +547,59 @@ static HT_INTO_CALLERS ht_action_points pull_along(ht_winding winding, unsigned 
     return ht_duty(HT_L, direction, none);
 }
 
-/* The flux build-up: action points, and the state words into `s`. */
+/* Shortest zero-mean virtual vector, units of Vdc. */
+#define VIRTUAL_PU 0.577f
+
+/* Direction of the vector nearest to a step of the flux, HT_DIRECTIONS for a zero vector. */
+static HT_INTO_CALLERS unsigned nearest(const ht_control_config *cfg, float vdc_V,
+                                        ht_winding winding, ht_ab step_Wb)
+{
+    float half_Wb = 0.5f * VIRTUAL_PU * vdc_V * cfg->observer.ts_s;
+    float size2 = step_Wb.alpha * step_Wb.alpha + step_Wb.beta * step_Wb.beta;
+    if (!(size2 > half_Wb * half_Wb)) {
+        return HT_DIRECTIONS;
+    }
+    return (winding == HT_WINDING_30) ? ht_sector(step_Wb) : ht_sector_of_six(step_Wb);
+}
+
+/* The flux build-up: action points, and the state words into `s`. `step_Wb`: of a shaft that is
+ * caught, or NULL. */
 static HT_INTO_CALLERS ht_action_points build_step(const ht_control_config *cfg,
                                                    const ht_control_state *st,
                                                    const ht_control_input *in, ht_winding winding,
-                                                   ht_ab i, uint16_t s[3])
+                                                   ht_ab i, const ht_ab *step_Wb, uint16_t s[3])
 {
     ht_action_points whole = {1.0f, 1.0f};
     ht_ab psi = st->decided.psi_Wb;
     float limit2 = cfg->build_current_A * cfg->build_current_A;
     float i2 = i.alpha * i.alpha + i.beta * i.beta;
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
-    if ((i2 < limit2) && (psi2 < in->flux_ref_Wb * in->flux_ref_Wb)) {
-        return pull_along(winding, BUILD_DIRECTION, s);
+    unsigned direction = HT_DIRECTIONS;
+    if (step_Wb != NULL) {
+        direction = nearest(cfg, in->vdc_V, winding, *step_Wb);
+    } else if ((i2 < limit2) && (psi2 < in->flux_ref_Wb * in->flux_ref_Wb)) {
+        direction = BUILD_DIRECTION;
+    } else {
+        /* zero vector */
+    }
+    if (direction < HT_DIRECTIONS) {
+        return pull_along(winding, direction, s);
     }
     ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
     return whole;
 }
 
-/* Shortest zero-mean virtual vector, units of Vdc. */
-#define VIRTUAL_PU 0.577f
-
-/* The vector nearest to a step of the flux: action points, and the state words into `s`. */
-static HT_INTO_CALLERS ht_action_points nearest(const ht_control_config *cfg,
-                                                const ht_control_state *st,
-                                                const ht_control_input *in, ht_winding winding,
-                                                ht_ab step_Wb, uint16_t s[3])
-{
-    ht_action_points p = {1.0f, 1.0f};
-    float half_Wb = 0.5f * VIRTUAL_PU * in->vdc_V * cfg->observer.ts_s;
-    float size2 = step_Wb.alpha * step_Wb.alpha + step_Wb.beta * step_Wb.beta;
-    if (size2 > half_Wb * half_Wb) {
-        p = pull_along(winding,
-                       (winding == HT_WINDING_30) ? ht_sector(step_Wb) : ht_sector_of_six(step_Wb),
-                       s);
-    } else {
-        ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
-    }
-    return p;
-}
-
 /* Of a current in x-y that is to go, the share that one period takes away. */
 #define CATCH_XY_SHARE 0.25f
 
-/* A shaft that is caught: the pattern, as the modulator makes it, or the state words of the nearest
- * vector. */
-static HT_INTO_CALLERS void catch_step(const ht_control_config *cfg, ht_control_state *st,
-                                       const ht_control_input *in, ht_vsd i, ht_winding winding,
-                                       ht_compare *out)
+/* The flux step that catches a shaft, as a voltage, too. */
+static HT_INTO_CALLERS ht_ab catch_step(const ht_control_config *cfg, ht_control_state *st,
+                                        const ht_control_input *in, ht_vsd i, ht_vsd *v_pu)
 {
     float pu_Wb = cfg->observer.inv_ts / in->vdc_V;
     float xy_pu = CATCH_XY_SHARE * cfg->observer.lxy_H * pu_Wb;
     ht_catch_input seen;
-    ht_action_points p;
     ht_ab step_Wb;
-    ht_vsd v;
-    uint16_t s[3];
     seen.psi_Wb = st->estimate.psi_Wb;
     seen.i_A = i.ab;
     seen.turn_rad = in->turn_rad;
@@ -610,32 +607,26 @@ static HT_INTO_CALLERS void catch_step(const ht_control_config *cfg, ht_control_
     seen.vdc_V = in->vdc_V;
     seen.shadow = cfg->shadow;
     step_Wb = ht_catch_step(&cfg->observer, &st->observer, &st->caught, &seen);
-    if (cfg->shadow) {
-        v.ab.alpha = pu_Wb * step_Wb.alpha;
-        v.ab.beta = pu_Wb * step_Wb.beta;
-        v.xy.x = -xy_pu * i.xy.x;
-        v.xy.y = -xy_pu * i.xy.y;
-        modulate(cfg, st, in, winding, v, out);
-        return;
-    }
-    p = nearest(cfg, st, in, winding, step_Wb, s);
-    commit(cfg, st, s, p, out);
+    v_pu->ab.alpha = pu_Wb * step_Wb.alpha;
+    v_pu->ab.beta = pu_Wb * step_Wb.beta;
+    v_pu->xy.x = -xy_pu * i.xy.x;
+    v_pu->xy.y = -xy_pu * i.xy.y;
+    return step_Wb;
 }
 
-/* The step of a drive that has all its legs, and of one that has not. */
+/* The step of a drive that has all its legs, and of one that has not. A shaft is caught by the
+ * modulator, or where it cannot be by the nearest vectors. */
 static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state *st,
                                  const ht_control_input *in, bool build, bool lost, bool magnets,
                                  bool caught, ht_winding winding, ht_compare *out)
 {
     ht_vsd i = currents_of(winding, &in->i_A);
     ht_action_points p;
+    ht_ab step_Wb;
+    ht_vsd v;
     ht_xy emf_pu;
     uint16_t s[3];
     observe(cfg, st, in, i, lost, magnets, caught, winding);
-    if (caught) {
-        catch_step(cfg, st, in, i, winding, out);
-        return;
-    }
     if (magnets) {
         st->emf_V = induced_V(cfg, st, in->axis, cfg->shadow ? 1.5f : 0.5f);
         emf_pu.x = st->emf_V.x / in->vdc_V;
@@ -643,10 +634,16 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     }
     st->sector = (uint16_t)((winding == HT_WINDING_30) ? ht_sector(st->decided.psi_Wb)
                                                        : ht_sector_of_six(st->decided.psi_Wb));
-    if (build) {
-        p = build_step(cfg, st, in, winding, i.ab, s);
-    } else if (lost || !vector_step(cfg, st, in, i.xy, magnets ? &emf_pu : NULL, s, &p)) {
-        modulated_step(cfg, st, in, i, lost, magnets, winding, out);
+    if (caught) {
+        step_Wb = catch_step(cfg, st, in, i, &v);
+    }
+    if (build && !(caught && cfg->shadow)) {
+        p = build_step(cfg, st, in, winding, i.ab, caught ? &step_Wb : NULL, s);
+    } else if (caught || lost || !vector_step(cfg, st, in, i.xy, magnets ? &emf_pu : NULL, s, &p)) {
+        if (!caught) {
+            v = wanted_pu(cfg, st, in, i, lost, magnets);
+        }
+        modulate(cfg, st, in, winding, v, out);
         return;
     } else {
         /* p and s are known */

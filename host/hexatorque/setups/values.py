@@ -29,8 +29,8 @@ class Profile:
 
     duration_s: simulated time; speed_rpm: steps of the speed reference in r/min; load_Nm: of the
     load torque in N m; vdc_V: of the dc-link voltage in V; set: (time in s, controller parameter,
-    value); command: (time in s, stop or start); broken: (time in s, phase, what breaks: none, open, blocked, upper or lower);
-    samples_per_period: samples of the plant in a control period.
+    value); command: (time in s, stop or start); broken: (time in s, phase, what breaks: none,
+    open, blocked, upper or lower); samples_per_period: samples of the plant in a control period.
     """
 
     duration_s: float = 1.0

@@ -3,7 +3,8 @@ d psi/dt = v - R_s i, with the rotor's flux and the current as the machine has t
 
 import numpy as np
 import pytest
-from hypothesis import given
+from campaigns import examples
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hexatorque.firmware import ffi, lib
@@ -24,9 +25,7 @@ class Loop:
 
     def __init__(self, omega, psi, shadow, sigma_ls=SIGMA_LS, vdc=300.0):
         self.cfg = ffi.new("ht_observer_config *", {"ts_s": TS})
-        self.flux = ffi.new(
-            "ht_observer_state *", {"omega_sync_rad_s": omega, "rs_ohm": RS}
-        )
+        self.flux = ffi.new("ht_observer_state *", {"omega_sync_rad_s": omega, "rs_ohm": RS})
         self.state = ffi.new("ht_catch_state *")
         self.omega, self.shadow, self.vdc, self.sigma_ls = omega, shadow, vdc, sigma_ls
         self.psi = self.rotor = psi
@@ -59,13 +58,12 @@ class Loop:
         return new
 
 
+@settings(max_examples=examples(60), deadline=None)
 @pytest.mark.parametrize("shadow", (True, False))
-@given(
-    st.floats(-900, 900), st.floats(0, 0.15), st.floats(-np.pi, np.pi), st.floats(0.8, 1.25)
-)
+@given(st.floats(-900, 900), st.floats(0, 0.15), st.floats(-np.pi, np.pi), st.floats(0.8, 1.25))
 def test_the_flux_comes_to_its_reference_without_torque(shadow, omega, size, angle, sigma):
-    """From any flux, at any speed that the voltage holds. The current is never more than what the rise
-    takes, (psi + tau d psi/dt)/L_s, and what half a period of the voltage makes."""
+    """From any flux, at any speed that the voltage holds. The current is never more than what
+    the rise takes, (psi + tau d psi/dt)/L_s, and what half a period of the voltage makes."""
     loop = Loop(omega, size * np.exp(1j * angle), shadow, sigma * SIGMA_LS)
     torque = []
     ref = size

@@ -624,10 +624,10 @@ def _stays_off(sim: SimulatedDrive, rng: np.random.Generator, fault: Fault) -> s
 
 
 def _restart(sim: SimulatedDrive) -> str:
-    """A start into the turning machine is refused, or catches it, unless what was injected trips the
-    drive again. With a dead encoder and no current, the drive cannot know that the machine turns. It
-    must then find this from the flux that it builds. No current may come near the trip level.
-    Returns what is wrong."""
+    """A start into the turning machine is refused, or catches it, unless what was injected trips
+    the drive again. With a dead encoder and no current, the drive cannot know that the machine
+    turns. It must then find this from the flux that it builds. No current may come near the trip
+    level. Returns what is wrong."""
     try:
         sim.start()
     except firmware.FirmwareError:
@@ -641,9 +641,8 @@ def _restart(sim: SimulatedDrive) -> str:
     if peak_A > 0.8 * sim.controller.number("i_trip_A"):
         how = "without encoder" if dead else "into a turning machine"
         return f"{peak_A:.1f} A after a start {how}"
-    if dead and sim.controller.state != firmware.FAULT and abs(sim.speed_rpm) > sim.controller.number(
-        "encoder_trip_rpm"
-    ):
+    turns = abs(sim.speed_rpm) > sim.controller.number("encoder_trip_rpm")
+    if dead and turns and sim.controller.state != firmware.FAULT:
         return f"{sim.speed_rpm:.0f} r/min after a start without encoder, no fault"
     return ""
 

@@ -269,8 +269,8 @@ def test_a_command_that_a_low_trip_pin_does_not_refuse(monkeypatch, command):
 
 @pytest.mark.parametrize("setup", faults.SETUPS)
 def test_restart_without_an_encoder(setup):
-    """Nothing tells that the shaft turns until there is flux: found in the build-up. What flux is left
-    is taken for one that stands still, and the current shows that it does not."""
+    """Nothing tells that the shaft turns until there is flux: found in the build-up. What flux is
+    left is taken for one that stands still, and the current shows that it does not."""
     rng = np.random.default_rng(5)
     sim = SimulatedDrive(faults._setup(setup, "ddr", rng, 0), 1)
     faults._bring_to(sim, "run", rng)
