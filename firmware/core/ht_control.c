@@ -593,8 +593,8 @@ static HT_INTO_CALLERS ht_action_points build_step(const ht_control_config *cfg,
 #define CATCH_XY_SHARE 0.25f
 
 /* The flux step that catches a shaft, as a voltage, too. */
-static HT_INTO_CALLERS ht_ab catch_step(const ht_control_config *cfg, ht_control_state *st,
-                                        const ht_control_input *in, ht_vsd i, ht_vsd *v_pu)
+HT_SELDOM static ht_ab catch_step(const ht_control_config *cfg, ht_control_state *st,
+                                  const ht_control_input *in, ht_vsd i, ht_vsd *v_pu)
 {
     float pu_Wb = cfg->observer.inv_ts / in->vdc_V;
     float xy_pu = CATCH_XY_SHARE * cfg->observer.lxy_H * pu_Wb;

@@ -624,7 +624,8 @@ def test_the_current_model_uses_the_adapted_rotor_resistance(scale):
 @settings(max_examples=examples(40), deadline=None)
 @given(
     st.floats(0.1, 0.6), st.floats(-np.pi, np.pi), phasor, st.floats(-1500, 1500),
-    st.floats(0, 1500), st.floats(0.7, 1.4), st.integers(1, 20_000), st.randoms(use_true_random=False),
+    st.floats(0, 1500), st.floats(0.7, 1.4), st.integers(1, 20_000),
+    st.randoms(use_true_random=False),
 )  # fmt: skip
 def test_a_flux_that_coasts_follows_the_current_model(
     size, angle, current, omega, swing, scale, periods, draw
