@@ -235,7 +235,8 @@ void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_
 
 #define PI_F 3.14159265f
 
-void ht_observer_coast(const ht_observer_config *cfg, ht_observer_state *st, float turn_rad)
+HT_SELDOM void ht_observer_coast(const ht_observer_config *cfg, ht_observer_state *st,
+                                 float turn_rad)
 {
     float turns = (0.5f / PI_F) * turn_rad;
     float keep = 1.0f - cfg->rotor_decay * st->rr_scale;
@@ -253,16 +254,16 @@ void ht_observer_coast(const ht_observer_config *cfg, ht_observer_state *st, flo
     st->psi_r_Wb.beta = psi.beta / cfg->lm_over_lr;
 }
 
-void ht_observer_follow(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
-                        float turn_rad)
+HT_SELDOM void ht_observer_follow(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
+                                  float turn_rad)
 {
     if (cfg->kind != HT_OBSERVER_HYBRID) {
         (void)pulled_to_current_model(cfg, st, st->psi_Wb, i_A, turn_rad);
     }
 }
 
-ht_estimate ht_observer_pull(const ht_observer_config *cfg, ht_observer_state *st, float share,
-                             float omega_rad_s)
+HT_SELDOM ht_estimate ht_observer_pull(const ht_observer_config *cfg, ht_observer_state *st,
+                                       float share, float omega_rad_s)
 {
     ht_ab i = st->i_A;
     ht_ab psi = st->psi_Wb;

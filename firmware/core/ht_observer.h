@@ -93,18 +93,17 @@ void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_
 
 /** Every observer, one period without current, because the gates are off: the stator has the flux that the
  *  rotor's makes in it. This turns with the rotor, by `turn_rad`, and decays. */
-HT_SELDOM void ht_observer_coast(const ht_observer_config *cfg, ht_observer_state *st,
-                                 float turn_rad);
+void ht_observer_coast(const ht_observer_config *cfg, ht_observer_state *st, float turn_rad);
 
 /** Every observer, while a turning shaft is caught, before ht_observer_update: the current model goes on
  *  where the observer itself has none. It begins with ht_observer_coast. */
-HT_SELDOM void ht_observer_follow(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
-                                  float turn_rad);
+void ht_observer_follow(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
+                        float turn_rad);
 
 /** And after it: pulls the flux of the observer to that of the current model by this share of their
  *  distance. The rotor's electrical speed is `omega_rad_s`, and the flux turns with it. */
-HT_SELDOM ht_estimate ht_observer_pull(const ht_observer_config *cfg, ht_observer_state *st,
-                                       float share, float omega_rad_s);
+ht_estimate ht_observer_pull(const ht_observer_config *cfg, ht_observer_state *st, float share,
+                             float omega_rad_s);
 
 /** Hybrid observer: correct the resistances in use. For the slow loop, while torque control
  *  runs. `gain`, 0..1: the share of the observed error that one call removes; 0 returns to
