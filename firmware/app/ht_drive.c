@@ -80,8 +80,17 @@ static void measure(ht_drive *d)
     }
 }
 
+/* Faults after which the estimate of the flux cannot be trusted. */
+#define DOUBTS                                                                               \
+    ((unsigned)HT_FAULT_NONFINITE | (unsigned)HT_FAULT_CALIBRATION                           \
+     | (unsigned)HT_FAULT_CURRENT_SUM | (unsigned)HT_FAULT_FLUX | (unsigned)HT_FAULT_ENCODER \
+     | (unsigned)HT_FAULT_STUCK | (unsigned)HT_FAULT_INTERRUPT | (unsigned)HT_FAULT_PHASE)
+
 static void keep(ht_drive *d, uint16_t state, uint16_t bits)
 {
+    if ((bits & DOUBTS) != 0u) {
+        d->flux_unknown = 1.0f;
+    }
     d->snapshot.tick = d->tick;
     d->snapshot.state = state;
     d->snapshot.faults = bits;
@@ -252,6 +261,55 @@ static uint32_t known_angle(const ht_drive *d)
                          c->pole_pairs, c->counts_rev);
 }
 
+/* The gates are off: the flux goes on with the shaft. */
+HT_SELDOM static void coast(ht_drive *d)
+{
+    const ht_observer_config *c = &d->config->control.observer;
+    const ht_ab no_current = {0.0f, 0.0f};
+    d->off_ticks = (d->off_ticks < 0xFFFFu) ? (uint16_t)(d->off_ticks + 1u) : 0xFFFFu;
+    if (c->magnets) {
+        return;
+    }
+    d->flux_unknown *= 1.0f - c->rotor_decay;
+    if (d->flux_unknown < HT_FLUX_KNOWN) {
+        ht_observer_coast(c, &d->control.observer, d->in.turn_rad);
+    } else {
+        ht_observer_reset(c, &d->control.observer, no_current);
+    }
+}
+
+/* Less than this share of the flux reference is no flux to take over. */
+#define LEFT_OVER 0.05f
+
+/* Could a shaft be caught that turns? Its flux must be known, and the drive whole. */
+static bool can_catch(const ht_drive *d)
+{
+    const float *v = d->params.v;
+    return (v[HT_P_machine] == 0.0f) && (v[HT_P_lost_legs] == 0.0f) && (v[HT_P_start_mode] == 0.0f)
+           && (d->flux_unknown < HT_FLUX_KNOWN);
+}
+
+/* Begin the build-up: from nothing at standstill, or with what the machine has. */
+static void begin_flux(ht_drive *d)
+{
+    const float *v = d->config->params.v;
+    ht_ab psi = d->control.observer.psi_Wb;
+    float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
+    float least_Wb = LEFT_OVER * v[HT_P_flux_ref_Wb];
+    bool moves = (psi2 > least_Wb * least_Wb) || !finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
+    d->catches = 0u;
+    if (moves && can_catch(d)) {
+        d->catches = 1u;
+        d->flux_ref_Wb = sqrtf(psi2);
+        ht_control_catch_begin(&d->config->control, &d->control, &d->in.i_A);
+    } else {
+        ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
+    }
+}
+
+/* Diodes end the currents within this time after the gates went off: they work against the dc link. */
+#define CURRENTS_END_S 0.005f
+
 static void calibrate(ht_drive *d)
 {
     unsigned faults = faults_before(d, false);
@@ -267,6 +325,11 @@ static void calibrate(ht_drive *d)
         ht_compare low;
         ht_control_low_pattern(&d->config->control, &low);
         ht_port_write(d->port, &low);
+    }
+    coast(d);
+    if ((float)d->off_ticks < CURRENTS_END_S * d->config->params.v[HT_P_f_isr_Hz]) {
+        d->state_ticks = 0u; /* begin anew */
+        return;
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_sum[leg] += d->samples.adc[HT_ADC_I + leg];
@@ -286,10 +349,11 @@ static void calibrate(ht_drive *d)
     measure(d);
     ht_protect_reset(&d->protect);
     d->slow_faults = 0u; /* of the run before: the slow loop may not have come by since */
-    ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
+    begin_flux(d);
     ht_speed_reset(&d->speed);
     ht_ramp_reset(&d->ramp, d->speed_rpm);
     d->motion = (uint16_t)HT_MOTION_FOLLOW;
+    d->off_ticks = 0u;
     ht_set_difference_begin(&d->sets);
     d->torque_ref_Nm = 0.0f;
     d->vdc_acts = 0u;
@@ -299,6 +363,7 @@ static void calibrate(ht_drive *d)
     (void)go_on_without(d, (uint16_t)d->config->params.v[HT_P_lost_legs]);
     if (d->config->params.v[HT_P_start_mode] != 0.0f) {
         ht_excitation_reset(&d->excitation, d->samples.position);
+        d->flux_unknown = 1.0f; /* a test may leave one */
         ht_drive_enter(d, HT_STATE_TEST);
     } else {
         ht_drive_enter(d, HT_STATE_BUILD);
@@ -321,6 +386,17 @@ static bool gates_refused(ht_drive *d)
     return (d->state_ticks == 1u) && !ht_port_gates_on(d->port, used_legs(d));
 }
 
+/* The flux is there: torque control begins. */
+static void begin_run(ht_drive *d, float omega_rad_s)
+{
+    d->flux_ramp_Wb = d->flux_ref_Wb;
+    d->omega_mean_rad_s = omega_rad_s;
+    d->flux_lowered = 0u;
+    d->flux_unknown = 0.0f;
+    ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
+    ht_drive_enter(d, HT_STATE_RUN);
+}
+
 static void end_build(ht_drive *d, float share)
 {
     if (share < HT_BUILD_BLIND) {
@@ -330,11 +406,7 @@ static void end_build(ht_drive *d, float share)
         fault(d, HT_FAULT_EXTERNAL);
     } else if (d->state_ticks >= d->build_ticks) {
         ht_drive_set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb]);
-        d->flux_ramp_Wb = d->flux_ref_Wb;
-        d->omega_mean_rad_s = 0.0f;
-        d->flux_lowered = 0u;
-        ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
-        ht_drive_enter(d, HT_STATE_RUN);
+        begin_run(d, 0.0f);
     } else {
         /* still building */
     }
@@ -409,20 +481,26 @@ HT_SELDOM static void begin_run_with_magnets(ht_drive *d)
     ht_drive_enter(d, HT_STATE_RUN);
 }
 
+/* Faults known before a period of BUILD that needs no standstill: the speed tells nothing. */
+static unsigned faults_in_build(ht_drive *d)
+{
+    bool powered = d->state_ticks > 1u;
+    unsigned faults = faults_before(d, powered);
+    if (powered && ht_port_tripped(d->port, used_legs(d))) {
+        faults |= tripped_by(d);
+    }
+    return faults;
+}
+
 /* One period of BUILD with magnets. */
 HT_SELDOM static void align(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
-    bool powered = d->state_ticks > 1u;
-    unsigned faults = faults_before(d, powered); /* the shaft may swing: its speed tells nothing */
+    unsigned faults = faults_in_build(d); /* the shaft may swing */
     ht_alignment step;
     ht_compare out;
-    if (!powered) {
+    if (d->state_ticks == 1u) {
         ht_alignment_begin(&c->alignment, &d->rotor);
-    } else if (ht_port_tripped(d->port, used_legs(d))) {
-        faults |= tripped_by(d);
-    } else {
-        /* no latch */
     }
     step = ht_alignment_step(&c->alignment, &d->rotor, d->state_ticks);
     if (step == HT_NOT_ALIGNED) {
@@ -440,6 +518,57 @@ HT_SELDOM static void align(ht_drive *d)
         begin_run_with_magnets(d);
     } else {
         /* still aligning */
+    }
+    protect_after(d);
+}
+
+/* Share of the dc link's voltage that the flux of a shaft that is caught may take at most: the rest is left
+ * for the current. In RUN the flux then rises to what weakening lets it have. */
+#define CATCH_PU 0.5f
+
+/* The next flux reference of a shaft that is caught. It rises as fast as at standstill, but waits while the
+ * current is at its limit. */
+static float caught_Wb(const ht_drive *d, float omega_rad_s)
+{
+    const ht_control_config *c = &d->config->control;
+    ht_ab i = d->control.observer.i_A;
+    float most_Wb = d->config->params.v[HT_P_flux_ref_Wb];
+    float step_Wb = most_Wb / (float)(d->build_ticks + 1u);
+    float turned_V = fabsf(omega_rad_s) * most_Wb;
+    float flux_Wb = d->flux_ref_Wb;
+    float reach_pu = d->config->flux.reach_pu; /* the scheme must hold it */
+    float most_V = ((reach_pu < CATCH_PU) ? reach_pu : CATCH_PU) * d->in.vdc_V;
+    bool free = (i.alpha * i.alpha + i.beta * i.beta) < c->build_current_A * c->build_current_A;
+    if (turned_V > most_V) {
+        most_Wb *= most_V / turned_V;
+    }
+    if ((flux_Wb < most_Wb) && !free) {
+        return flux_Wb;
+    }
+    return flux_Wb + ht_limited(most_Wb - flux_Wb, step_Wb);
+}
+
+/* One period of BUILD that catches a turning shaft. */
+HT_SELDOM static void catch_shaft(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    unsigned faults = faults_in_build(d) | d->slow_faults;
+    float omega_rad_s = d->speed_rpm / c->protect.rpm_per_rad_s;
+    ht_compare out;
+    if (faults != 0u) {
+        fault(d, (uint16_t)faults);
+        return;
+    }
+    d->in.omega_rad_s = omega_rad_s;
+    ht_drive_set_flux_ref(d, caught_Wb(d, omega_rad_s));
+    ht_control_catch(&c->control, &d->control, &d->in, &out);
+    ht_port_write(d->port, &out);
+    if (gates_refused(d)) {
+        fault(d, HT_FAULT_EXTERNAL);
+    } else if (d->state_ticks >= d->build_ticks) {
+        begin_run(d, omega_rad_s);
+    } else {
+        /* still building */
     }
     protect_after(d);
 }
@@ -519,6 +648,8 @@ void ht_drive_fast_isr(ht_drive *d)
         d->state_ticks++;
         if (d->config->control.observer.magnets) {
             align(d);
+        } else if (d->catches != 0u) {
+            catch_shaft(d);
         } else {
             drive(d, true);
         }
@@ -535,6 +666,7 @@ void ht_drive_fast_isr(ht_drive *d)
     case HT_STATE_FAULT:
     default:
         ht_port_gates_off(d->port); /* in these states no latch may stay released */
+        coast(d);
         break;
     }
     ht_port_ack_fast(d->port);
@@ -564,7 +696,7 @@ ht_result ht_drive_start(ht_drive *d)
     if ((d->state != (uint16_t)HT_STATE_IDLE) || (d->faults != 0u)) {
         return HT_ERROR_STATE; /* a fault that a stop overtook must be cleared first */
     }
-    if (!finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm])) {
+    if (!finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm]) && !can_catch(d)) {
         return HT_ERROR_TURNING;
     }
     if (d->params.v[HT_P_motion] != (float)HT_MOTION_FOLLOW) {

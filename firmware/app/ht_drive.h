@@ -45,6 +45,9 @@ uint16_t ht_state_flags(uint16_t state);
  *  middle. */
 #define HT_OFFSET_MOST_COUNTS 200u
 
+/** A share of the flux that may be there unknown, and does not matter. */
+#define HT_FLUX_KNOWN 0.02f
+
 /** Share of the build-up during which the flux is too small for its speed to mean anything. */
 #define HT_BUILD_BLIND 0.1f
 
@@ -119,6 +122,9 @@ typedef struct {
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;
+    uint16_t off_ticks;    /**< fast interrupts with the gates off, until 0xFFFF of them */
+    uint16_t catches;      /**< 1: this build-up catches a turning shaft, or a flux that is left */
+    float flux_unknown;    /**< share of the flux reference that the machine may have unknown */
     uint16_t flux_lowered; /**< 1: less flux, to keep the flux turning */
     ht_excitation_state excitation;
     ht_alignment_state rotor;       /**< with magnets: the angle of the d axis, and its alignment */
@@ -140,7 +146,8 @@ void ht_drive_fast_isr(ht_drive *d);
 /** The slow interrupt: speed measurement, speed PI, flux reference. */
 void ht_drive_slow_isr(ht_drive *d);
 
-/** Commands from the background. A start needs IDLE, standstill and motion = follow, a clear needs
+/** Commands from the background. A start needs IDLE and motion = follow, and standstill unless the turning
+ *  shaft can be caught: not with magnets, nor before what flux there may be unknown has decayed; a clear needs
  *  FAULT; both are refused while the trip pin is low. After `restart_count` trips by hardware,
  *  each less than `restart_wait_s` after the one before, a start is refused until that time has passed. */
 ht_result ht_drive_start(ht_drive *d);

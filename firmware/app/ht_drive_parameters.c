@@ -87,6 +87,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     d->in.vdc_V = 0.0f;
     d->in.torque_ref_Nm = 0.0f;
     d->in.turn_rad = 0.0f;
+    d->in.omega_rad_s = 0.0f;
     ht_drive_set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb]);
     d->flux_ramp_Wb = d->flux_ref_Wb;
     ht_control_reset(&d->config->control, &d->control, &none);
@@ -95,6 +96,9 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     d->torque_ref_Nm = 0.0f;
     d->omega_mean_rad_s = 0.0f;
     d->flux_lowered = 0u;
+    d->flux_unknown = 1.0f;
+    d->catches = 0u;
+    d->off_ticks = 0xFFFFu;
     ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
     d->torque_limit_Nm = d->params.v[HT_P_torque_limit_Nm];
     d->torque_least_Nm = -d->torque_limit_Nm;

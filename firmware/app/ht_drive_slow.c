@@ -32,6 +32,18 @@ static uint16_t turning_unnoticed(const ht_drive *d, const ht_drive_config *c)
     return (uint16_t)HT_FAULT_ENCODER;
 }
 
+/* A shaft that is caught takes no torque, but for what its flux is believed wrong. More current across the flux
+ * than this, in no-load currents, tells that it turns otherwise than the encoder says. */
+#define CATCH_ACROSS 1.5f
+static uint16_t slips_unnoticed(const ht_drive *d, const ht_drive_config *c)
+{
+    float most_A = CATCH_ACROSS * c->protect.no_load_A;
+    if (!(c->params.v[HT_P_encoder_trip_rpm] > 0.0f) || (fabsf(d->protect.i_A.beta) < most_A)) {
+        return 0u;
+    }
+    return (uint16_t)HT_FAULT_ENCODER;
+}
+
 /* Current in alpha-beta that the lost legs leave. */
 static float derated_A(const ht_drive *d, const ht_drive_config *c)
 {
@@ -219,6 +231,12 @@ static void follow_build(ht_drive *d, const ht_drive_config *c)
 {
     ht_protect_follow(&c->protect, &d->protect, &d->control);
     (void)follow_along(d, c);
+    if (d->catches != 0u) {
+        ht_ramp_reset(&d->ramp, d->speed_rpm); /* RUN begins with the speed that there is then */
+        d->slow_faults = slips_unnoticed(d, c);
+        return; /* away from standstill R_s cannot be learnt */
+    }
+    d->slow_faults = turning_unnoticed(d, c);
     if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)
         && (d->off_legs == 0u)) {
         ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
@@ -437,7 +455,6 @@ void ht_drive_slow_isr(ht_drive *d)
     } else {
         d->slow_faults = 0u;
         if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->control.observer.magnets) {
-            d->slow_faults = turning_unnoticed(d, c);
             follow_build(d, c);
         }
     }

@@ -201,10 +201,10 @@ static HT_INTO_CALLERS void modulate(const ht_control_config *cfg, ht_control_st
     st->v_xy_pu = v.xy;
 }
 
-/* A voltage that the law wants. */
-static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_control_state *st,
-                                           const ht_control_input *in, ht_vsd i, bool lost,
-                                           bool magnets, ht_winding winding, ht_compare *out)
+/* A voltage that the law wants, units of Vdc. */
+static HT_INTO_CALLERS ht_vsd wanted_pu(const ht_control_config *cfg, ht_control_state *st,
+                                        const ht_control_input *in, ht_vsd i, bool lost,
+                                        bool magnets)
 {
     ht_voltage_law_input seen;
     ht_vsd v;
@@ -231,7 +231,7 @@ static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_cont
     if (lost) {
         v = ht_lost_legs_command(&st->lost, &cfg->observer, &seen, v);
     }
-    modulate(cfg, st, in, winding, v, out);
+    return v;
 }
 
 void ht_control_select(ht_control_config *cfg, ht_scheme scheme)
@@ -453,7 +453,7 @@ static ht_xy less_induced(const ht_control_config *cfg, const ht_control_state *
 /* Observe the period that ended and, if asked, look one period ahead. */
 static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_state *st,
                                     const ht_control_input *in, ht_vsd i, bool lost, bool magnets,
-                                    ht_winding winding)
+                                    bool caught, ht_winding winding)
 {
     ht_flow now = {0u, 0u};
     ht_flow then;
@@ -479,10 +479,17 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
         ht_xy acts = magnets ? less_induced(cfg, st, in->axis, -0.5f, v.xy) : v.xy;
         ht_leg_loss_step(&cfg->leg_loss, &st->leg_loss, &period, acts, st->i_xy_A, i.xy);
     }
+    if (caught) {
+        ht_observer_follow(&cfg->observer, &st->observer, i.ab, in->turn_rad);
+    }
     estimate = magnets ? ht_observer_update_magnet(&cfg->observer, &st->observer, v.ab, i.ab,
                                                    in->turn_rad, in->axis)
                        : ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab, in->turn_rad,
                                             in->inv_flux_ref2);
+    if (caught) {
+        estimate = ht_observer_pull(&cfg->observer, &st->observer, ht_catch_pull(&st->caught),
+                                    in->omega_rad_s);
+    }
     st->estimate = estimate;
     st->i_xy_A.x = i.xy.x;
     st->i_xy_A.y = i.xy.y;
@@ -540,34 +547,86 @@ static HT_INTO_CALLERS ht_action_points pull_along(ht_winding winding, unsigned 
     return ht_duty(HT_L, direction, none);
 }
 
-/* The flux build-up: action points, and the state words into `s`. */
+/* Shortest zero-mean virtual vector, units of Vdc. */
+#define VIRTUAL_PU 0.577f
+
+/* Direction of the vector nearest to a step of the flux, HT_DIRECTIONS for a zero vector. */
+static HT_INTO_CALLERS unsigned nearest(const ht_control_config *cfg, float vdc_V,
+                                        ht_winding winding, ht_ab step_Wb)
+{
+    float half_Wb = 0.5f * VIRTUAL_PU * vdc_V * cfg->observer.ts_s;
+    float size2 = step_Wb.alpha * step_Wb.alpha + step_Wb.beta * step_Wb.beta;
+    if (!(size2 > half_Wb * half_Wb)) {
+        return HT_DIRECTIONS;
+    }
+    return (winding == HT_WINDING_30) ? ht_sector(step_Wb) : ht_sector_of_six(step_Wb);
+}
+
+/* The flux build-up: action points, and the state words into `s`. `step_Wb`: of a shaft that is
+ * caught, or NULL. */
 static HT_INTO_CALLERS ht_action_points build_step(const ht_control_config *cfg,
                                                    const ht_control_state *st,
                                                    const ht_control_input *in, ht_winding winding,
-                                                   ht_ab i, uint16_t s[3])
+                                                   ht_ab i, const ht_ab *step_Wb, uint16_t s[3])
 {
     ht_action_points whole = {1.0f, 1.0f};
     ht_ab psi = st->decided.psi_Wb;
     float limit2 = cfg->build_current_A * cfg->build_current_A;
     float i2 = i.alpha * i.alpha + i.beta * i.beta;
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
-    if ((i2 < limit2) && (psi2 < in->flux_ref_Wb * in->flux_ref_Wb)) {
-        return pull_along(winding, BUILD_DIRECTION, s);
+    unsigned direction = HT_DIRECTIONS;
+    if (step_Wb != NULL) {
+        direction = nearest(cfg, in->vdc_V, winding, *step_Wb);
+    } else if ((i2 < limit2) && (psi2 < in->flux_ref_Wb * in->flux_ref_Wb)) {
+        direction = BUILD_DIRECTION;
+    } else {
+        /* zero vector */
+    }
+    if (direction < HT_DIRECTIONS) {
+        return pull_along(winding, direction, s);
     }
     ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
     return whole;
 }
 
-/* The step of a drive that has all its legs, and of one that has not. */
+/* Of a current in x-y that is to go, the share that one period takes away. */
+#define CATCH_XY_SHARE 0.25f
+
+/* The flux step that catches a shaft, as a voltage, too. */
+HT_SELDOM static ht_ab catch_step(const ht_control_config *cfg, ht_control_state *st,
+                                  const ht_control_input *in, ht_vsd i, ht_vsd *v_pu)
+{
+    float pu_Wb = cfg->observer.inv_ts / in->vdc_V;
+    float xy_pu = CATCH_XY_SHARE * cfg->observer.lxy_H * pu_Wb;
+    ht_catch_input seen;
+    ht_ab step_Wb;
+    seen.psi_Wb = st->estimate.psi_Wb;
+    seen.i_A = i.ab;
+    seen.turn_rad = in->turn_rad;
+    seen.flux_ref_Wb = in->flux_ref_Wb;
+    seen.vdc_V = in->vdc_V;
+    seen.shadow = cfg->shadow;
+    step_Wb = ht_catch_step(&cfg->observer, &st->observer, &st->caught, &seen);
+    v_pu->ab.alpha = pu_Wb * step_Wb.alpha;
+    v_pu->ab.beta = pu_Wb * step_Wb.beta;
+    v_pu->xy.x = -xy_pu * i.xy.x;
+    v_pu->xy.y = -xy_pu * i.xy.y;
+    return step_Wb;
+}
+
+/* The step of a drive that has all its legs, and of one that has not. A shaft is caught by the
+ * modulator, or where it cannot be by the nearest vectors. */
 static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state *st,
                                  const ht_control_input *in, bool build, bool lost, bool magnets,
-                                 ht_winding winding, ht_compare *out)
+                                 bool caught, ht_winding winding, ht_compare *out)
 {
     ht_vsd i = currents_of(winding, &in->i_A);
     ht_action_points p;
+    ht_ab step_Wb;
+    ht_vsd v;
     ht_xy emf_pu;
     uint16_t s[3];
-    observe(cfg, st, in, i, lost, magnets, winding);
+    observe(cfg, st, in, i, lost, magnets, caught, winding);
     if (magnets) {
         st->emf_V = induced_V(cfg, st, in->axis, cfg->shadow ? 1.5f : 0.5f);
         emf_pu.x = st->emf_V.x / in->vdc_V;
@@ -575,10 +634,16 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     }
     st->sector = (uint16_t)((winding == HT_WINDING_30) ? ht_sector(st->decided.psi_Wb)
                                                        : ht_sector_of_six(st->decided.psi_Wb));
-    if (build) {
-        p = build_step(cfg, st, in, winding, i.ab, s);
-    } else if (lost || !vector_step(cfg, st, in, i.xy, magnets ? &emf_pu : NULL, s, &p)) {
-        modulated_step(cfg, st, in, i, lost, magnets, winding, out);
+    if (caught) {
+        step_Wb = catch_step(cfg, st, in, i, &v);
+    }
+    if (build && !(caught && cfg->shadow)) {
+        p = build_step(cfg, st, in, winding, i.ab, caught ? &step_Wb : NULL, s);
+    } else if (caught || lost || !vector_step(cfg, st, in, i.xy, magnets ? &emf_pu : NULL, s, &p)) {
+        if (!caught) {
+            v = wanted_pu(cfg, st, in, i, lost, magnets);
+        }
+        modulate(cfg, st, in, winding, v, out);
         return;
     } else {
         /* p and s are known */
@@ -586,15 +651,34 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     commit(cfg, st, s, p, out);
 }
 
-/* Without a leg, with magnets, or with sets that are not 30 degrees apart. A function of its own: in one
- * with the step of a healthy induction machine each would cost the other registers. */
+/* Without a leg, with magnets, with sets that are not 30 degrees apart, or to catch a shaft. A function of
+ * its own: in one with the step of a healthy induction machine each would cost the other registers. */
 HT_SELDOM HT_WITH_CALLED static void special_step(const ht_control_config *cfg,
                                                   ht_control_state *st, const ht_control_input *in,
-                                                  bool build, ht_compare *out)
+                                                  bool build, bool caught, ht_compare *out)
 {
     bool magnets = cfg->observer.magnets;
     bool lost = !magnets && (st->lost.axes != 0u);
-    step(cfg, st, in, build, lost, magnets, cfg->observer.winding, out);
+    step(cfg, st, in, build, lost, magnets, caught, cfg->observer.winding, out);
+}
+
+void ht_control_catch_begin(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A)
+{
+    ht_observer_state flux = st->observer;
+    ht_control_reset(cfg, st, i_A);
+    st->observer.psi_Wb = flux.psi_Wb;
+    st->observer.psi_r_Wb = flux.psi_r_Wb;
+    st->observer.rs_ohm = flux.rs_ohm;
+    st->observer.rr_scale = flux.rr_scale;
+    st->estimate.psi_Wb = flux.psi_Wb;
+    st->decided = st->estimate;
+    ht_catch_begin(&st->caught, flux.psi_Wb);
+}
+
+void ht_control_catch(const ht_control_config *cfg, ht_control_state *st,
+                      const ht_control_input *in, ht_compare *out)
+{
+    special_step(cfg, st, in, true, true, out);
 }
 
 /* With all that it calls: how much of it the compiler would put here hangs on the size of files that
@@ -603,9 +687,9 @@ HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_sta
                                     const ht_control_input *in, bool build, ht_compare *out)
 {
     if (cfg->special || (st->lost.axes != 0u)) {
-        special_step(cfg, st, in, build, out);
+        special_step(cfg, st, in, build, false, out);
     } else {
-        step(cfg, st, in, build, false, false, HT_WINDING_30, out);
+        step(cfg, st, in, build, false, false, false, HT_WINDING_30, out);
     }
 }
 

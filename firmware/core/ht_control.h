@@ -19,6 +19,7 @@
 #ifndef HT_CONTROL_H
 #define HT_CONTROL_H
 
+#include "ht_catch.h"
 #include "ht_deadbeat_law.h"
 #include "ht_foc_law.h"
 #include "ht_leg_loss.h"
@@ -84,6 +85,7 @@ typedef struct {
     ht_toggles toggles[2]; /**< of `active` and `next`, where they are modulated */
     ht_leg_loss_state leg_loss;
     ht_lost_legs lost;
+    ht_catch_state caught;
 } ht_control_state;
 
 typedef struct {
@@ -92,6 +94,7 @@ typedef struct {
     float torque_ref_Nm;
     float flux_ref_Wb;
     float turn_rad;      /**< electrical angle the rotor turned since the last sample */
+    float omega_rad_s;   /**< electrical speed of the rotor, while a shaft is caught */
     ht_ab axis;          /**< d axis of a rotor with magnets */
     float inv_flux_ref2; /**< 1 / flux_ref_Wb^2, prepared by the slow loop */
 } ht_control_input;
@@ -140,6 +143,15 @@ uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uin
  *  estimated: where the magnets' flux is, is not known. */
 void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
                       const ht_control_input *in, unsigned direction, ht_compare *out);
+
+/** Demagnetised machine as ht_control_reset has it, but for the flux and the resistances in use, which go
+ *  on: a turning shaft is caught. */
+void ht_control_catch_begin(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A);
+
+/** One period of catching a turning shaft: flux without torque, by every scheme alike. Under shadow load the modulator makes the voltage. Under
+ *  immediate load it is the zero-mean virtual vector next to it, or a zero vector. */
+void ht_control_catch(const ht_control_config *cfg, ht_control_state *st,
+                      const ht_control_input *in, ht_compare *out);
 
 /** One sampling period. `build`: flux build-up at standstill instead of the scheme's law,
  *  the zero-mean virtual vector in direction 0, current limited, until |psi| is at the

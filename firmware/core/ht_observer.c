@@ -1,5 +1,6 @@
 #include "ht_observer.h"
 
+#include "ht_angle.h"
 #include "ht_limited.h"
 #include "ht_turned.h"
 
@@ -230,6 +231,51 @@ void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_
     st->psi_r_Wb.beta = r * axis.beta;
     st->psi_Wb.alpha = st->psi_r_Wb.alpha + cfg->sigma_ls_H * i_A.alpha;
     st->psi_Wb.beta = st->psi_r_Wb.beta + cfg->sigma_ls_H * i_A.beta;
+}
+
+#define PI_F 3.14159265f
+
+HT_SELDOM void ht_observer_coast(const ht_observer_config *cfg, ht_observer_state *st,
+                                 float turn_rad)
+{
+    float turns = (0.5f / PI_F) * turn_rad;
+    float keep = 1.0f - cfg->rotor_decay * st->rr_scale;
+    /* A flux may coast for so long that the error of ht_turned would add up. */
+    ht_ab u = ht_unit((turns < 0.0f) ? (1.0f + turns) : turns);
+    ht_ab psi;
+    /* Of the first period after a current: what is left when the current has gone. */
+    psi.alpha = keep * (st->psi_Wb.alpha - cfg->sigma_ls_H * st->i_A.alpha);
+    psi.beta = keep * (st->psi_Wb.beta - cfg->sigma_ls_H * st->i_A.beta);
+    psi = ht_product(psi, u);
+    st->i_A.alpha = 0.0f;
+    st->i_A.beta = 0.0f;
+    st->psi_Wb = psi;
+    st->psi_r_Wb.alpha = psi.alpha / cfg->lm_over_lr;
+    st->psi_r_Wb.beta = psi.beta / cfg->lm_over_lr;
+}
+
+HT_SELDOM void ht_observer_follow(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
+                                  float turn_rad)
+{
+    if (cfg->kind != HT_OBSERVER_HYBRID) {
+        (void)pulled_to_current_model(cfg, st, st->psi_Wb, i_A, turn_rad);
+    }
+}
+
+HT_SELDOM ht_estimate ht_observer_pull(const ht_observer_config *cfg, ht_observer_state *st,
+                                       float share, float omega_rad_s)
+{
+    ht_ab i = st->i_A;
+    ht_ab psi = st->psi_Wb;
+    ht_estimate now;
+    psi.alpha -= share
+                 * (psi.alpha - cfg->lm_over_lr * st->psi_r_Wb.alpha - cfg->sigma_ls_H * i.alpha);
+    psi.beta -= share * (psi.beta - cfg->lm_over_lr * st->psi_r_Wb.beta - cfg->sigma_ls_H * i.beta);
+    st->psi_Wb = psi;
+    st->omega_sync_rad_s = omega_rad_s;
+    now.psi_Wb = psi;
+    now.torque_Nm = cfg->torque_gain * cross(psi, i);
+    return now;
 }
 
 ht_ab ht_observer_predict_rotor(const ht_observer_config *cfg, const ht_observer_state *st,

@@ -91,6 +91,20 @@ ht_estimate ht_observer_update_magnet(const ht_observer_config *cfg, ht_observer
 /** The rotor with magnets has been aligned: its d axis is `axis`, the machine carries `i_A`. */
 void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A, ht_ab axis);
 
+/** Every observer, one period without current, because the gates are off: the stator has the flux that the
+ *  rotor's makes in it. This turns with the rotor, by `turn_rad`, and decays. */
+void ht_observer_coast(const ht_observer_config *cfg, ht_observer_state *st, float turn_rad);
+
+/** Every observer, while a turning shaft is caught, before ht_observer_update: the current model goes on
+ *  where the observer itself has none. It begins with ht_observer_coast. */
+void ht_observer_follow(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
+                        float turn_rad);
+
+/** And after it: pulls the flux of the observer to that of the current model by this share of their
+ *  distance. The rotor's electrical speed is `omega_rad_s`, and the flux turns with it. */
+ht_estimate ht_observer_pull(const ht_observer_config *cfg, ht_observer_state *st, float share,
+                             float omega_rad_s);
+
 /** Hybrid observer: correct the resistances in use. For the slow loop, while torque control
  *  runs. `gain`, 0..1: the share of the observed error that one call removes; 0 returns to
  *  the configured values.

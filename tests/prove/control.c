@@ -113,6 +113,28 @@ ht_estimate ht_observer_predict_magnet(const ht_observer_config *cfg, const ht_o
     return any_estimate();
 }
 
+void ht_observer_follow(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
+                        float turn_rad)
+{
+}
+
+ht_estimate ht_observer_pull(const ht_observer_config *cfg, ht_observer_state *st, float share,
+                             float omega_rad_s)
+{
+    return any_estimate();
+}
+
+float ht_catch_pull(ht_catch_state *st)
+{
+    return nondet_float();
+}
+
+ht_ab ht_catch_step(const ht_observer_config *machine, const ht_observer_state *flux,
+                    ht_catch_state *st, const ht_catch_input *in)
+{
+    return any_ab();
+}
+
 ht_xy ht_magnet_emf_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s)
 {
     return any_xy();
@@ -353,7 +375,7 @@ static bool is_same_pattern(const ht_applied *a, const ht_applied *b)
 /* What the observation leaves, as prove_control_observe shows it. */
 static void promise_observe(const ht_control_config *cfg, ht_control_state *st,
                             const ht_control_input *in, ht_vsd i, bool lost, bool magnets,
-                            ht_winding winding)
+                            bool caught, ht_winding winding)
 {
     MUST((unsigned)winding < HT_WINDINGS);
     MUST(is_state(cfg, st));
@@ -429,7 +451,7 @@ void prove_control_observe(void)
     active = st.active;
     next = st.next;
     observe(&cfg, &st, &in, ht_vsd_from_six(&in.i_A), st.lost.axes != 0u, nondet_bool(),
-            cfg.observer.winding);
+            nondet_bool(), cfg.observer.winding);
     MUST(is_state(&cfg, &st));
     MUST(is_same_pattern(&st.active, cfg.shadow ? &next : &active));
     MUST(is_same_pattern(&st.next, &next));

@@ -231,10 +231,12 @@ class DriveVerbs(ABC):
         events += [(t, "load_Nm", v) for t, v in profile.load_Nm]
         events += [(t, "vdc_V", v) for t, v in profile.vdc_V]
         events += [(t, name, v) for t, name, v in profile.set]
+        named = {name for _, name, _ in events}
+        events += [(t, "", verb) for t, verb in profile.command]
         events.sort(key=lambda event: event[0])
         if lines := profile.too_late():
             raise SetupError("\n".join(lines))
-        self._can_follow({name for _, name, _ in events}, bool(profile.broken))
+        self._can_follow(named, bool(profile.broken))
         self._refuse_over_speed(events)
         begin_s = self.time_s
         if self.state == IDLE:
@@ -243,7 +245,12 @@ class DriveVerbs(ABC):
             self.break_leg(phase, kind, time_s)
         for time_s, name, value in events:
             self.run(max(0.0, time_s - (self.time_s - begin_s)), record, progress)
-            self.set(name, value)
+            if name:
+                self.set(name, value)
+            elif value == "stop":
+                self.stop()
+            else:
+                self.start()
         self.run(max(0.0, profile.duration_s - (self.time_s - begin_s)), record, progress)
 
     def _refuse_over_speed(self, events: Sequence[tuple[float, str, object]]) -> None:

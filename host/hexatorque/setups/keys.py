@@ -267,6 +267,7 @@ PROFILE: dict[str, Key] = {
     "load_Nm": Key("steps", "load torque", "N m", -MOST_NM, MOST_NM),
     "vdc_V": Key("steps", "dc-link voltage; with link_F that of its source", "V", 0, MOST_V),
     "set": Key("entries", "parameters in flight: [[time_s, name, value], ...]"),
+    "command": Key("entries", "[[time_s, stop or start], ...]; the drive is started at time 0"),
     "broken": Key("entries", "legs that break: [[time_s, phase, kind], ...]"),
     "samples_per_period": Key("samples", "samples of the plant per control period"),
 }

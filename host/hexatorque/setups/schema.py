@@ -208,6 +208,7 @@ def _section(name: str, keys: dict[str, Key]) -> Any:
 TIME = Key("number", "", "s", 0, 1e6)
 PAIRS = ": a number or a list of [time_s, value] pairs is needed"
 ENTRIES = ": a list of [time_s, parameter, value] is needed"
+COMMANDS = ": a list of [time_s, stop or start] is needed"
 BREAKS = f": a list of at most {MAX_BREAKS} [time_s, phase, kind] is needed"
 
 
@@ -268,6 +269,12 @@ def _live(entry: tuple[float, str, Any]) -> tuple[float, str, Any]:
     return (time_s, name, row.show(number) if isinstance(value, str) else value)
 
 
+def _command() -> Any:
+    """A command that the drive gets while a profile runs."""
+    verb = _choice(Key("choice", "", choices=("stop", "start")))
+    return _Annotated[_Tuple[_number(TIME, " time"), verb], _said(lambda _: COMMANDS)]
+
+
 def _break() -> Any:
     """A leg that breaks."""
     return _Annotated[
@@ -309,6 +316,12 @@ def _profile_type() -> Any:
             _said(lambda _: ENTRIES),
             Field(description=PROFILE["set"].help),
         ],
+        "command": _Annotated[
+            _List[_command()],
+            listed,
+            _said(lambda _: COMMANDS),
+            Field(description=PROFILE["command"].help),
+        ],
         "broken": _Annotated[
             _List[_break()],
             Field(max_length=MAX_BREAKS),
@@ -330,7 +343,7 @@ def _profile_type() -> Any:
 def _profile(given: dict[str, Any]) -> Profile:
     ordered = {
         key: tuple(sorted(given.get(key, ()), key=lambda entry: entry[0]))
-        for key in ("set", "broken")
+        for key in ("set", "command", "broken")
     }
     return Profile(**{**given, **ordered})
 

@@ -29,8 +29,8 @@ class Profile:
 
     duration_s: simulated time; speed_rpm: steps of the speed reference in r/min; load_Nm: of the
     load torque in N m; vdc_V: of the dc-link voltage in V; set: (time in s, controller parameter,
-    value); broken: (time in s, phase, what breaks: none, open, blocked, upper or lower);
-    samples_per_period: samples of the plant in a control period.
+    value); command: (time in s, stop or start); broken: (time in s, phase, what breaks: none,
+    open, blocked, upper or lower); samples_per_period: samples of the plant in a control period.
     """
 
     duration_s: float = 1.0
@@ -38,6 +38,7 @@ class Profile:
     load_Nm: tuple[tuple[float, float], ...] = ()
     vdc_V: tuple[tuple[float, float], ...] = ()
     set: tuple[tuple[float, str, Any], ...] = ()
+    command: tuple[tuple[float, str], ...] = ()
     broken: tuple[tuple[float, str, str], ...] = ()
     samples_per_period: int = 4
 
@@ -48,6 +49,7 @@ class Profile:
         return {
             **ordered,
             "set": tuple((time_s, value) for time_s, _, value in self.set),
+            "command": self.command,
             "broken": tuple((time_s, kind) for time_s, _, kind in self.broken),
         }
 

@@ -192,7 +192,7 @@ def _split(profile: Profile, at_s: float) -> tuple[Profile, Profile]:
         raise SetupError(
             f"from_s = {at_s:g}: the profile ends at duration_s = {profile.duration_s:g} s"
         )
-    steps = ("speed_rpm", "load_Nm", "vdc_V", "set")
+    steps = ("speed_rpm", "load_Nm", "vdc_V", "set", "command")
     first: dict[str, Any] = {n: tuple(s for s in getattr(profile, n) if s[0] < at_s) for n in steps}
     second: dict[str, Any] = {
         n: tuple((s[0] - at_s, *s[1:]) for s in getattr(profile, n) if s[0] >= at_s) for n in steps

@@ -449,6 +449,74 @@ def test_over_speed_is_a_fault(bench, sign):
     assert not bench.gates_on
 
 
+#: After a reset nobody knows what flux there is. So many interrupts until 2 % of it are left.
+FLUX_DECAYS = round(np.log(50) * SETUP["lr_H"] / SETUP["rr_ohm"] * SETUP["f_isr_Hz"])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_turning_machine_whose_flux_is_known_is_caught(bench, sign):
+    turn(bench, sign * 100)
+    bench.fast(FLUX_DECAYS - 5)
+    with pytest.raises(FirmwareError, match="turns"):
+        bench.controller.start()
+    bench.fast(10)
+    bench.run_to("build")
+    assert bench.drive.catches == 1
+    bench.fast()
+    assert bench.gates_on
+    omega = bench.drive.control.observer.omega_sync_rad_s
+    assert omega == pytest.approx(sign * 2 * 100 * np.pi / 30, rel=0.02)
+    bench.fast(200)
+    assert bench.state == "run"
+    assert bench.drive.flux_unknown == 0
+
+
+@pytest.mark.parametrize(
+    ("fault", "known"),
+    [(lib.HT_FAULT_OVERCURRENT, True), (lib.HT_FAULT_VDC_HIGH, True), (lib.HT_FAULT_LINK, True),
+     (lib.HT_FAULT_FLUX, False), (lib.HT_FAULT_ENCODER, False), (lib.HT_FAULT_STUCK, False)],
+)  # fmt: skip
+def test_after_a_fault_of_the_estimate_the_flux_is_not_known(bench, fault, known):
+    bench.run_to("run")
+    lib.ht_drive_trip(bench.drive, fault)
+    bench.fast()
+    bench.controller.clear()
+    turn(bench, 100)
+    if known:
+        bench.controller.start()
+        return
+    with pytest.raises(FirmwareError, match="turns"):
+        bench.controller.start()
+    bench.fast(FLUX_DECAYS)
+    bench.controller.start()
+
+
+@pytest.mark.parametrize("values", [{"lost_legs": 1.0}, {"start_mode": "test"}])
+def test_a_turning_machine_is_not_caught_without_a_leg_or_for_a_test(bench, values):
+    turn(bench, 100)
+    bench.fast(FLUX_DECAYS)
+    bench.controller.set_many({"ride_through": "least-loss", "i_rated_A": 5.0} | values)
+    bench.fast()
+    with pytest.raises(FirmwareError, match="turns"):
+        bench.controller.start()
+
+
+def test_the_calibration_waits_for_the_end_of_the_currents(bench):
+    """5 ms after the gates went off."""
+    bench.run_to("run")
+    bench.controller.stop()
+    bench.fast(10)
+    bench.controller.start()
+    bench.amperes[:] = 1.0
+    bench.fast(39)
+    bench.amperes[:] = 0.0
+    bench.fast(19)
+    assert bench.state == "calibrate"
+    bench.fast()
+    assert bench.state == "build"
+    assert list(bench.drive.offset_counts) == [2048.0] * 6
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_no_start_into_a_turning_machine(bench, sign):
     turn(bench, sign * 100)

@@ -619,3 +619,46 @@ def test_the_current_model_uses_the_adapted_rotor_resistance(scale):
         lib.ht_observer_update(cfg, state, ab(), ab(i), 0, 1 / PSI**2)
     left = np.exp(-periods * TS * scale * RR / LR)
     assert cplx(state.psi_r_Wb) == pytest.approx(LM * i + (0.3j - LM * i) * left, rel=1e-3)
+
+
+@settings(max_examples=examples(40), deadline=None)
+@given(
+    st.floats(0.1, 0.6), st.floats(-np.pi, np.pi), phasor, st.floats(-1500, 1500),
+    st.floats(0, 1500), st.floats(0.7, 1.4), st.integers(1, 20_000),
+    st.randoms(use_true_random=False),
+)  # fmt: skip
+def test_a_flux_that_coasts_follows_the_current_model(
+    size, angle, current, omega, swing, scale, periods, draw
+):
+    """Against the rotor's equation d psi_r/dt = (j w - R_r/L_r) psi_r, whose integral in double
+    precision is known for any course of the speed. The current ends at once."""
+    state = start()
+    i = current * 0.02
+    psi = size * np.exp(1j * angle)
+    state.psi_Wb, state.i_A, state.rr_scale = ab(psi), ab(i), scale
+    phase = draw.uniform(0, 6)
+    turns = np.cumsum(TS * (omega + swing * np.sin(phase + 1e-3 * np.arange(periods))))
+    counts = np.rint(turns / 2e-3)  # of an encoder
+    cfg = config()
+    for moved in np.diff(counts, prepend=0.0):
+        lib.ht_observer_coast(cfg, state, 2e-3 * moved)
+    left = (psi - SIGMA_LS * i) * np.exp(1j * turns[-1] - scale * RR / LR * TS * periods)
+    assert abs(cplx(state.psi_Wb) - left) < 4e-3 * abs(psi - SIGMA_LS * i) + 1e-6
+    assert cplx(state.psi_r_Wb) == pytest.approx(cplx(state.psi_Wb) * LR / LM, rel=1e-5)
+    assert cplx(state.i_A) == 0
+
+
+@pytest.mark.parametrize("kind", (0, 1, 2))
+def test_a_pull_by_all_of_it_is_the_current_model(kind):
+    """Every observer: the flux of currents that turn with the rotor, as it is in steady state."""
+    cfg = config(kind=kind, hybrid_gain=0.01 if kind == 2 else 0.0)
+    state = start()
+    turn, i = 0.03, 2.0 + 0j
+    for _ in range(10_000):
+        i *= np.exp(1j * turn)
+        lib.ht_observer_follow(cfg, state, ab(i), turn)
+        lib.ht_observer_update(cfg, state, ab(0j), ab(i), turn, 0.0)
+        now = lib.ht_observer_pull(cfg, state, 1.0, turn / TS)
+    assert abs(cplx(now.psi_Wb) - LS * i) < 2e-3 * LS * abs(i)
+    assert abs(now.torque_Nm) < 1e-2
+    assert state.omega_sync_rad_s == pytest.approx(turn / TS)

@@ -192,6 +192,7 @@ def test_a_trip_is_named_and_told_from_the_pin(number, sign):
     assert FAULTS[kept.faults] == "over-current"
     assert WARNINGS[kept.warnings] == "found by a comparator"
     assert lib.ht_drive_clear(rig.controller.drive) == lib.HT_OK
+    rig.fast(50)  # until no current flows
     rig.start()
     rig.controller.set_trip_pin(0)
     rig.fast(6)

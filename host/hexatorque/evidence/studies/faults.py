@@ -624,24 +624,25 @@ def _stays_off(sim: SimulatedDrive, rng: np.random.Generator, fault: Fault) -> s
 
 
 def _restart(sim: SimulatedDrive) -> str:
-    """A start into the turning machine must be refused. With a dead encoder and no current, the
-    drive cannot know that the machine turns. It must then find this from the flux that it builds,
-    and no current may come near the trip level. Returns what is wrong."""
+    """A start into the turning machine is refused, or catches it, unless what was injected trips
+    the drive again. With a dead encoder and no current, the drive cannot know that the machine
+    turns. It must then find this from the flux that it builds. No current may come near the trip
+    level. Returns what is wrong."""
     try:
         sim.start()
     except firmware.FirmwareError:
         return ""
-    if not sim.sensors.hold[ENCODER]:
-        return "started into a turning machine"
+    dead = bool(sim.sensors.hold[ENCODER])
+    sim.set("load_Nm", 0.0)  # it could drive the shaft beyond its speed meanwhile
     sim.log_edges(0)
     sim.run(2 * LATER * sim.period_s)
     rec = sim.take()
     peak_A = float(np.hypot(rec["plant.i_alpha_A"], rec["plant.i_beta_A"]).max())
     if peak_A > 0.8 * sim.controller.number("i_trip_A"):
-        return f"{peak_A:.1f} A after a start without encoder"
-    if sim.controller.state != firmware.FAULT and abs(sim.speed_rpm) > sim.controller.number(
-        "encoder_trip_rpm"
-    ):
+        how = "without encoder" if dead else "into a turning machine"
+        return f"{peak_A:.1f} A after a start {how}"
+    turns = abs(sim.speed_rpm) > sim.controller.number("encoder_trip_rpm")
+    if dead and turns and sim.controller.state != firmware.FAULT:
         return f"{sim.speed_rpm:.0f} r/min after a start without encoder, no fault"
     return ""
 

@@ -269,17 +269,19 @@ def test_a_command_that_a_low_trip_pin_does_not_refuse(monkeypatch, command):
 
 @pytest.mark.parametrize("setup", faults.SETUPS)
 def test_restart_without_an_encoder(setup):
-    """Nothing tells that the shaft turns until there is flux: found in the build-up."""
+    """What flux is left is taken for one that stands still, and the current shows that it does
+    not."""
     rng = np.random.default_rng(5)
     sim = SimulatedDrive(faults._setup(setup, "ddr", rng, 0), 1)
     faults._bring_to(sim, "run", rng)
     sim.set("load_Nm", 0.0)
     sim.stop()
-    assert faults._restart(sim) == ""  # refused
-    assert sim.controller.state == "idle"
+    assert faults._restart(sim) == ""  # caught
+    assert sim.controller.state == "run"
+    sim.stop()
     sim.sensors.hold[faults.ENCODER] = 1
     sim.run(0.05, record=False)
     assert abs(sim.speed_rpm) > 200
     assert faults._restart(sim) == ""
     assert sim.controller.faults == ["encoder against flux speed"]
-    assert sim.controller.snapshot["state"] == "build"
+    assert sim.controller.snapshot["state"] in ("build", "run")  # by how much flux is left
