@@ -80,7 +80,7 @@ static void measure(ht_drive *d)
     }
 }
 
-static void keep(ht_drive *d, uint16_t state, uint16_t bits)
+static void keep(ht_drive *d, uint16_t state, uint32_t bits)
 {
     d->snapshot.tick = d->tick;
     d->snapshot.state = state;
@@ -103,12 +103,12 @@ HT_SELDOM static uint16_t by_comparator(const ht_drive *d)
     return (uint16_t)faults;
 }
 
-static void fault(ht_drive *d, uint16_t bits)
+static void fault(ht_drive *d, uint32_t bits)
 {
     ht_port_gates_off(d->port);
     if (d->state != (uint16_t)HT_STATE_FAULT) {
-        bool by_hardware = (bits & (uint16_t)HT_FAULT_EXTERNAL) != 0u;
-        if ((bits & ((unsigned)HT_FAULT_OVERCURRENT | (unsigned)HT_FAULT_VDC_HIGH)) != 0u) {
+        bool by_hardware = (bits & (uint32_t)HT_FAULT_EXTERNAL) != 0u;
+        if ((bits & ((uint32_t)HT_FAULT_OVERCURRENT | (uint32_t)HT_FAULT_VDC_HIGH)) != 0u) {
             uint16_t found = (uint16_t)(by_comparator(d) & bits);
             if (found != 0u) {
                 d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_COMPARATOR);
@@ -121,15 +121,15 @@ static void fault(ht_drive *d, uint16_t bits)
         }
         ht_drive_enter(d, HT_STATE_FAULT);
     }
-    d->faults = (uint16_t)(d->faults | bits);
+    d->faults |= bits;
 }
 
-void ht_drive_trip(ht_drive *d, uint16_t bits)
+void ht_drive_trip(ht_drive *d, uint32_t bits)
 {
     fault(d, bits);
 }
 
-void ht_drive_stand_in(ht_drive *d, uint16_t bits)
+void ht_drive_stand_in(ht_drive *d, uint32_t bits)
 {
     const ht_drive_config *staged = d->staged;
     uint16_t state = d->state;
@@ -143,7 +143,7 @@ void ht_drive_stand_in(ht_drive *d, uint16_t bits)
     if (state != (uint16_t)HT_STATE_FAULT) {
         keep(d, state, bits);
     }
-    d->faults = (uint16_t)(d->faults | bits);
+    d->faults |= bits;
 }
 
 /* Legs whose gates are on while the drive runs, a state word. */
@@ -238,7 +238,7 @@ static inline void protect_after(ht_drive *d)
         faults |= phase_lost(d);
     }
     if (faults != 0u) {
-        fault(d, (uint16_t)faults);
+        fault(d, faults);
     }
 }
 
@@ -260,7 +260,7 @@ static void calibrate(ht_drive *d)
         faults |= HT_FAULT_EXTERNAL;
     }
     if (faults != 0u) {
-        fault(d, (uint16_t)faults);
+        fault(d, faults);
         return;
     }
     if (d->state_ticks == 1u) { /* all legs low before the gates ever come on */
@@ -364,7 +364,7 @@ static inline void drive(ht_drive *d, bool build)
     float share = 1.0f;
     /* The latch was released in the first interrupt of BUILD. */
     bool powered = !build || (d->state_ticks > 1u);
-    unsigned faults = faults_before(d, powered);
+    uint32_t faults = faults_before(d, powered);
     if (build && powered
         && ht_port_tripped(d->port, used_legs(d))) { /* just released: all at once */
         faults |= tripped_by(d);
@@ -374,7 +374,7 @@ static inline void drive(ht_drive *d, bool build)
         faults |= d->rotor_faults;
     }
     if (faults != 0u) {
-        fault(d, (uint16_t)faults);
+        fault(d, faults);
         return;
     }
     d->in.torque_ref_Nm = d->torque_ref_Nm; /* 0 in BUILD */
@@ -429,7 +429,7 @@ HT_SELDOM static void align(ht_drive *d)
         faults |= HT_FAULT_ENCODER;
     }
     if (faults != 0u) {
-        fault(d, (uint16_t)faults);
+        fault(d, faults);
         return;
     }
     ht_control_align(&c->control, &d->control, &d->in, d->rotor.direction, &out);
@@ -457,7 +457,7 @@ static void test(ht_drive *d)
         faults |= tripped_by(d);
     }
     if (faults != 0u) {
-        fault(d, (uint16_t)faults);
+        fault(d, faults);
         return;
     }
     if (d->state_ticks >= d->config->excitation.ticks) {
@@ -496,7 +496,7 @@ HT_SELDOM static void take_staged(ht_drive *d)
     }
     if ((d->off_legs != 0u) && !ht_control_can_lose(&d->config->control)) {
         /* It cannot do without a leg any more. This interrupt acts on it. */
-        d->slow_faults = (uint16_t)(d->slow_faults | HT_FAULT_PHASE);
+        d->slow_faults |= HT_FAULT_PHASE;
     }
 }
 
@@ -595,7 +595,7 @@ void ht_drive_stop(ht_drive *d)
 
 ht_result ht_drive_clear(ht_drive *d)
 {
-    if ((d->faults & (uint16_t)HT_FAULT_CLOCK) != 0u) {
+    if ((d->faults & (uint32_t)HT_FAULT_CLOCK) != 0u) {
         return HT_ERROR_STATE; /* nothing but a reset makes another clock */
     }
     if (ht_port_trip_pin_low(d->port)) {

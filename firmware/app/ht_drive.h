@@ -55,7 +55,7 @@ enum { HT_LIMIT_TORQUE = 1, HT_LIMIT_VDC_HIGH = 2, HT_LIMIT_VDC_LOW = 4, HT_LIMI
 typedef struct {
     uint32_t tick;   /**< fast interrupts since init; 0 = no fault yet */
     uint16_t state;  /**< ht_state at the time */
-    uint16_t faults; /**< what that interrupt found */
+    uint32_t faults; /**< what that interrupt found */
     uint16_t warnings;
     ht_samples samples;
     ht_control_input in;
@@ -71,10 +71,10 @@ typedef struct {
     uint32_t tick;                          /**< fast interrupts since init */
     volatile uint32_t taken_tick;  /**< of the first interrupt with the parameters in force */
     volatile uint32_t state_ticks; /**< fast interrupts since the state began */
+    volatile uint32_t slow_faults; /**< found by the slow interrupt, for the fast one */
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
-    volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
     volatile uint16_t trips;       /**< by hardware since init, modulo 2^16; the fast interrupt's */
-    uint16_t faults;
+    uint32_t faults;
     uint16_t warnings;
     uint16_t end_counts;   /**< PWM counts from the period's start to the interrupt's end */
     uint16_t off_legs;     /**< legs that stay off while the drive runs, a state word */
@@ -151,11 +151,11 @@ ht_result ht_drive_clear(ht_drive *d);
 
 /** Take the gates off and latch `bits`, for a fault that other code finds within the fast
  *  interrupt. */
-void ht_drive_trip(ht_drive *d, uint16_t bits);
+void ht_drive_trip(ht_drive *d, uint32_t bits);
 /** The same from outside the fast interrupt, if none is expected any more, or none yet. If one
  *  comes all the same, it finds the drive in FAULT. Also takes over parameters that wait for a fast
  *  interrupt. */
-void ht_drive_stand_in(ht_drive *d, uint16_t bits);
+void ht_drive_stand_in(ht_drive *d, uint32_t bits);
 
 /** Change one parameter: range, state and consistency are checked first, and
  *  nothing changes on an error. */

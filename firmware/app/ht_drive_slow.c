@@ -196,7 +196,7 @@ static void look_for_interrupt(ht_drive *d)
 {
     uint32_t tick = d->tick;
     if (tick == d->tick_last) { /* no fast interrupt since the last slow one */
-        ht_drive_stand_in(d, (uint16_t)HT_FAULT_INTERRUPT);
+        ht_drive_stand_in(d, HT_FAULT_INTERRUPT);
         ht_port_read(d->port, &d->samples); /* the shaft may turn all the same */
         d->position_now = d->samples.position;
     }
