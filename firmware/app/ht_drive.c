@@ -85,11 +85,16 @@ static void keep(ht_drive *d, uint16_t state, uint32_t bits)
     d->snapshot.tick = d->tick;
     d->snapshot.state = state;
     d->snapshot.faults = bits;
-    d->snapshot.warnings = d->warnings;
+    d->snapshot.warnings = ht_drive_warnings(d);
     d->snapshot.samples = d->samples;
     d->snapshot.in = d->in;
     d->snapshot.estimate = d->control.estimate;
     d->snapshot.speed_rpm = d->speed_rpm;
+}
+
+uint16_t ht_drive_warnings(const ht_drive *d)
+{
+    return (uint16_t)(d->warnings | d->heat_warnings);
 }
 
 /* What a comparator has found since the gates went on, fault bits. */
@@ -162,6 +167,21 @@ HT_SELDOM static uint16_t tripped_by(const ht_drive *d)
     return (faults != 0u) ? (uint16_t)faults : (uint16_t)HT_FAULT_EXTERNAL;
 }
 
+/* Gates on: look at the squared current of one phase. */
+static inline void look_at_heat(ht_drive *d, uint16_t leg)
+{
+    float i_A = d->in.i_A.p[leg];
+    float *square_A2 = &d->heat.square_A2[leg];
+    *square_A2 += d->config->heat.look_gain * (i_A * i_A - *square_A2);
+}
+
+/* The leg at which the next interrupt looks. */
+static inline void next_leg(ht_drive *d)
+{
+    uint16_t leg = d->stuck_leg;
+    d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
+}
+
 /* Everything that is known before the control step. `powered`: the gates are on, and
  * what that needs is known. */
 static inline uint16_t faults_before(ht_drive *d, bool powered)
@@ -170,7 +190,8 @@ static inline uint16_t faults_before(ht_drive *d, bool powered)
     if (powered) {
         uint16_t leg = d->stuck_leg;
         faults |= ht_protect_stuck(&d->config->protect, &d->protect, &d->samples, leg);
-        d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
+        look_at_heat(d, leg);
+        next_leg(d);
         bool off = (d->off_legs & (HT_LEG_U1 >> leg)) != 0u;
         if (ht_port_leg_tripped(d->port, leg) != off) { /* all legs in six periods */
             faults |= tripped_by(d);
@@ -254,7 +275,8 @@ static uint32_t known_angle(const ht_drive *d)
 
 static void calibrate(ht_drive *d)
 {
-    unsigned faults = faults_before(d, false);
+    /* The other ones are of the run before: the slow loop may not have come by since. */
+    uint32_t faults = faults_before(d, false) | (d->slow_faults & HT_FAULT_WINDING);
     int leg;
     if (ht_port_trip_pin_low(d->port)) { /* before the gates ever come on */
         faults |= HT_FAULT_EXTERNAL;
@@ -414,7 +436,8 @@ HT_SELDOM static void align(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
     bool powered = d->state_ticks > 1u;
-    unsigned faults = faults_before(d, powered); /* the shaft may swing: its speed tells nothing */
+    /* The shaft may swing: its speed tells nothing. */
+    uint32_t faults = faults_before(d, powered) | d->slow_faults;
     ht_alignment step;
     ht_compare out;
     if (!powered) {
@@ -450,7 +473,10 @@ static void test(ht_drive *d)
 {
     const ht_control_config *c = &d->config->control;
     ht_compare out;
-    unsigned faults = ht_protect_samples(&d->config->protect, &d->in, d->speed_rpm, false);
+    uint32_t faults = d->slow_faults
+                      | ht_protect_samples(&d->config->protect, &d->in, d->speed_rpm, false);
+    look_at_heat(d, d->stuck_leg);
+    next_leg(d);
     faults |= ht_excitation_faults(&d->config->excitation, &d->excitation, &d->in.i_A,
                                    d->samples.position);
     if ((d->state_ticks > 1u) && ht_port_tripped(d->port, used_legs(d))) {

@@ -49,7 +49,13 @@ uint16_t ht_state_flags(uint16_t state);
 #define HT_BUILD_BLIND 0.1f
 
 /** Limits that keep the torque from its reference (channel `limits`). */
-enum { HT_LIMIT_TORQUE = 1, HT_LIMIT_VDC_HIGH = 2, HT_LIMIT_VDC_LOW = 4, HT_LIMIT_POWER = 8 };
+enum {
+    HT_LIMIT_TORQUE = 1,
+    HT_LIMIT_VDC_HIGH = 2,
+    HT_LIMIT_VDC_LOW = 4,
+    HT_LIMIT_POWER = 8,
+    HT_LIMIT_HEAT = 16
+};
 
 /** The values of the fast interrupt that raised the latest fault. */
 typedef struct {
@@ -115,7 +121,10 @@ typedef struct {
     ht_ramp_state ramp;        /**< of the speed reference */
     float stop_ticks;          /**< slow interrupts since the stop began */
     uint16_t motion;           /**< as the latest slow interrupt found it */
+    uint16_t heat_warnings;    /**< the slow interrupt's own: it must not write `warnings` */
     ht_set_difference sets;    /**< learnt; a stop does not forget it */
+    ht_heat_state heat;        /**< nothing but a reset forgets it */
+    float heat_share;          /**< of the torque limit, that the winding's temperature leaves */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;
@@ -147,6 +156,8 @@ ht_result ht_drive_start(ht_drive *d);
 /** Seconds, rounded up, until a start is no longer refused because of trips by hardware; 0: now. */
 uint16_t ht_drive_restart_wait(const ht_drive *d);
 void ht_drive_stop(ht_drive *d);
+/** Warning bits. */
+uint16_t ht_drive_warnings(const ht_drive *d);
 ht_result ht_drive_clear(ht_drive *d);
 
 /** Take the gates off and latch `bits`, for a fault that other code finds within the fast

@@ -15,6 +15,7 @@ enum {
 };
 #undef HT_FAULT_ENUMERATORS
 #define HT_FAULT_PHASE 0x8000u
+#define HT_FAULT_WINDING 0x10000u
 
 enum {
 #define HT_WARNING(name, bit, text, help) HT_WARNING_##name = (bit),

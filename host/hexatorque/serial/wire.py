@@ -440,7 +440,8 @@ class StatusReply(NamedTuple):
 
 def parse_status(payload: bytes) -> StatusReply:
     flags, *rest = unpack("BBHIIIIB", payload)
-    return StatusReply(bool(flags & 1), bool(flags & 2), bool(flags & 4), *rest, bool(flags & 8))
+    status = StatusReply(bool(flags & 1), bool(flags & 2), bool(flags & 4), *rest)
+    return status._replace(more_faults=bool(flags & 8))
 
 
 def open_session(nonce: int, mark: int) -> bytes:

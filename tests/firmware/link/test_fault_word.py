@@ -1,5 +1,5 @@
-"""Faults beyond the sixteenth bit (docs/protocol.md): a client that knows them reads them, and for an
-earlier one every reply has the layout that it knows."""
+"""Faults beyond the sixteenth bit (docs/protocol.md): a client that knows them reads them, and for
+an earlier one every reply has the layout that it knows."""
 
 import struct
 
