@@ -77,11 +77,6 @@ float ht_heat_winding_degC(const ht_heat_config *cfg, const ht_heat_state *st)
     return cfg->ambient_degC + most_K;
 }
 
-float ht_heat_frame_degC(const ht_heat_config *cfg, const ht_heat_state *st)
-{
-    return cfg->ambient_degC + st->frame_rise_K;
-}
-
 float ht_heat_share(const ht_heat_config *cfg, float winding_degC)
 {
     if (!(cfg->steps > 0.0f) || (winding_degC <= cfg->limit_degC)) {

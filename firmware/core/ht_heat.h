@@ -52,9 +52,8 @@ void ht_heat_reset(ht_heat_state *st);
 /** Slow interrupt. powered: currents may flow; frame_W: losses of rotor and iron. */
 void ht_heat_step(const ht_heat_config *cfg, ht_heat_state *st, bool powered, float frame_W);
 
-/** Temperature of the hottest part of the winding, and of the frame. */
+/** Temperature of the hottest part of the winding. */
 float ht_heat_winding_degC(const ht_heat_config *cfg, const ht_heat_state *st);
-float ht_heat_frame_degC(const ht_heat_config *cfg, const ht_heat_state *st);
 
 /** Share of the torque that a winding of this temperature leaves: 1 up to the limit, 0 at the trip. */
 float ht_heat_share(const ht_heat_config *cfg, float winding_degC);
