@@ -278,6 +278,39 @@ static void configure_least_loss(const float *v, float pull_out_Nm_Wb2, ht_least
     c->wait = (uint32_t)wait;
 }
 
+/* A step of the thermal model takes this share of its shortest time constant. */
+#define HEAT_STEP 0.03125f
+/* Low pass of the squared currents, slow periods: their ripple at twice the current's frequency must
+ * not be taken for a constant by the samples of the slow interrupt. */
+#define HEAT_LOOK_PERIODS 2.0f
+
+static void configure_heat(const ht_params *p, ht_heat_config *c)
+{
+    const float *v = p->v;
+    float legs = (float)HT_LEGS;
+    float per_s = ht_misfit_heat_per_s(p);
+    float slow_s = 1.0f / v[HT_P_f_slow_Hz];
+    float step_s;
+    c->steps = 0.0f;
+    c->look_gain = 0.0f;
+    if (per_s > 0.0f) {
+        c->steps = (float)(uint32_t)(HEAT_STEP / (per_s * slow_s)) + 1.0f;
+        c->look_gain = 1.0f / (1.0f + HEAT_LOOK_PERIODS * slow_s * v[HT_P_f_isr_Hz] / legs);
+    }
+    step_s = c->steps * slow_s;
+    c->to_frame = step_s / v[HT_P_winding_s];
+    c->per_W_K = c->to_frame * legs * v[HT_P_winding_K_W];
+    c->to_ambient = step_s / v[HT_P_frame_s];
+    c->frame_per_W_K = c->to_ambient * v[HT_P_frame_K_W];
+    c->frame_per_rise = (per_s > 0.0f) ? (c->frame_per_W_K / (legs * v[HT_P_winding_K_W])) : 0.0f;
+    c->ohm_per_K = HT_COPPER_PER_K * v[HT_P_rs_ohm]
+                   / (1.0f + HT_COPPER_PER_K * (v[HT_P_rs_degC] - 20.0f));
+    c->ohm = v[HT_P_rs_ohm] + c->ohm_per_K * (v[HT_P_ambient_degC] - v[HT_P_rs_degC]);
+    c->ambient_degC = v[HT_P_ambient_degC];
+    c->limit_degC = v[HT_P_winding_limit_degC];
+    c->trip_degC = v[HT_P_winding_trip_degC];
+}
+
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
     const float *v = c->params.v;
@@ -298,6 +331,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->flux.reach_pu = v[HT_P_fw_margin] * ht_control_reach_pu(&c->control);
     c->flux.rs_ohm = v[HT_P_rs_ohm];
     configure_vdc(v, &c->vdc);
+    configure_heat(&c->params, &c->heat);
     c->pull_out_Nm_Wb2 = pull_out(v);
     ht_derating_configure(&c->params, &c->control.observer, &c->derating);
     configure_least_loss(v, c->pull_out_Nm_Wb2, &c->least_loss);

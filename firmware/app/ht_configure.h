@@ -8,6 +8,7 @@
 #include "ht_control.h"
 #include "ht_derating.h"
 #include "ht_excitation.h"
+#include "ht_heat.h"
 #include "ht_least_loss.h"
 #include "ht_params.h"
 #include "ht_protect.h"
@@ -31,6 +32,7 @@ typedef struct {
     ht_speed_measure_config measure;
     ht_flux_config flux;
     ht_vdc_config vdc;
+    ht_heat_config heat;
     float omega_mean_gain;
     float lxy_gain;        /**< of L_xy that the check of the legs learns, per slow interrupt */
     float pull_out_Nm_Wb2; /**< torque limit per flux squared */

@@ -52,7 +52,7 @@ static void add_channel(ht_packet *p, const ht_channel_info *info)
 
 static void add_fault(ht_packet *p, const ht_fault_info *info)
 {
-    ht_packet_add16(p, info->bit);
+    ht_packet_add16(p, HT_LOW_FAULTS(info->bit)); /* 0: the row says which one */
     ht_packet_add_text(p, info->name);
     ht_packet_add_text(p, info->help);
 }

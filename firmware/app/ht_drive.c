@@ -86,7 +86,7 @@ static void measure(ht_drive *d)
      | (unsigned)HT_FAULT_CURRENT_SUM | (unsigned)HT_FAULT_FLUX | (unsigned)HT_FAULT_ENCODER \
      | (unsigned)HT_FAULT_STUCK | (unsigned)HT_FAULT_INTERRUPT | (unsigned)HT_FAULT_PHASE)
 
-static void keep(ht_drive *d, uint16_t state, uint16_t bits)
+static void keep(ht_drive *d, uint16_t state, uint32_t bits)
 {
     if ((bits & DOUBTS) != 0u) {
         d->flux_unknown = 1.0f;
@@ -94,11 +94,16 @@ static void keep(ht_drive *d, uint16_t state, uint16_t bits)
     d->snapshot.tick = d->tick;
     d->snapshot.state = state;
     d->snapshot.faults = bits;
-    d->snapshot.warnings = d->warnings;
+    d->snapshot.warnings = ht_drive_warnings(d);
     d->snapshot.samples = d->samples;
     d->snapshot.in = d->in;
     d->snapshot.estimate = d->control.estimate;
     d->snapshot.speed_rpm = d->speed_rpm;
+}
+
+uint16_t ht_drive_warnings(const ht_drive *d)
+{
+    return (uint16_t)(d->warnings | d->heat_warnings);
 }
 
 /* What a comparator has found since the gates went on, fault bits. */
@@ -112,12 +117,12 @@ HT_SELDOM static uint16_t by_comparator(const ht_drive *d)
     return (uint16_t)faults;
 }
 
-static void fault(ht_drive *d, uint16_t bits)
+static void fault(ht_drive *d, uint32_t bits)
 {
     ht_port_gates_off(d->port);
     if (d->state != (uint16_t)HT_STATE_FAULT) {
-        bool by_hardware = (bits & (uint16_t)HT_FAULT_EXTERNAL) != 0u;
-        if ((bits & ((unsigned)HT_FAULT_OVERCURRENT | (unsigned)HT_FAULT_VDC_HIGH)) != 0u) {
+        bool by_hardware = (bits & (uint32_t)HT_FAULT_EXTERNAL) != 0u;
+        if ((bits & ((uint32_t)HT_FAULT_OVERCURRENT | (uint32_t)HT_FAULT_VDC_HIGH)) != 0u) {
             uint16_t found = (uint16_t)(by_comparator(d) & bits);
             if (found != 0u) {
                 d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_COMPARATOR);
@@ -130,15 +135,15 @@ static void fault(ht_drive *d, uint16_t bits)
         }
         ht_drive_enter(d, HT_STATE_FAULT);
     }
-    d->faults = (uint16_t)(d->faults | bits);
+    d->faults |= bits;
 }
 
-void ht_drive_trip(ht_drive *d, uint16_t bits)
+void ht_drive_trip(ht_drive *d, uint32_t bits)
 {
     fault(d, bits);
 }
 
-void ht_drive_stand_in(ht_drive *d, uint16_t bits)
+void ht_drive_stand_in(ht_drive *d, uint32_t bits)
 {
     const ht_drive_config *staged = d->staged;
     uint16_t state = d->state;
@@ -152,7 +157,7 @@ void ht_drive_stand_in(ht_drive *d, uint16_t bits)
     if (state != (uint16_t)HT_STATE_FAULT) {
         keep(d, state, bits);
     }
-    d->faults = (uint16_t)(d->faults | bits);
+    d->faults |= bits;
 }
 
 /* Legs whose gates are on while the drive runs, a state word. */
@@ -171,6 +176,21 @@ HT_SELDOM static uint16_t tripped_by(const ht_drive *d)
     return (faults != 0u) ? (uint16_t)faults : (uint16_t)HT_FAULT_EXTERNAL;
 }
 
+/* Gates on: look at the squared current of one phase. */
+static inline void look_at_heat(ht_drive *d, uint16_t leg)
+{
+    float i_A = d->in.i_A.p[leg];
+    float *square_A2 = &d->heat.square_A2[leg];
+    *square_A2 += d->config->heat.look_gain * (i_A * i_A - *square_A2);
+}
+
+/* The leg at which the next interrupt looks. */
+static inline void next_leg(ht_drive *d)
+{
+    uint16_t leg = d->stuck_leg;
+    d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
+}
+
 /* Everything that is known before the control step. `powered`: the gates are on, and
  * what that needs is known. */
 static inline uint16_t faults_before(ht_drive *d, bool powered)
@@ -179,7 +199,8 @@ static inline uint16_t faults_before(ht_drive *d, bool powered)
     if (powered) {
         uint16_t leg = d->stuck_leg;
         faults |= ht_protect_stuck(&d->config->protect, &d->protect, &d->samples, leg);
-        d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
+        look_at_heat(d, leg);
+        next_leg(d);
         bool off = (d->off_legs & (HT_LEG_U1 >> leg)) != 0u;
         if (ht_port_leg_tripped(d->port, leg) != off) { /* all legs in six periods */
             faults |= tripped_by(d);
@@ -247,7 +268,7 @@ static inline void protect_after(ht_drive *d)
         faults |= phase_lost(d);
     }
     if (faults != 0u) {
-        fault(d, (uint16_t)faults);
+        fault(d, faults);
     }
 }
 
@@ -312,13 +333,14 @@ static void begin_flux(ht_drive *d)
 
 static void calibrate(ht_drive *d)
 {
-    unsigned faults = faults_before(d, false);
+    /* The other ones are of the run before: the slow loop may not have come by since. */
+    uint32_t faults = faults_before(d, false) | (d->slow_faults & HT_FAULT_WINDING);
     int leg;
     if (ht_port_trip_pin_low(d->port)) { /* before the gates ever come on */
         faults |= HT_FAULT_EXTERNAL;
     }
     if (faults != 0u) {
-        fault(d, (uint16_t)faults);
+        fault(d, faults);
         return;
     }
     if (d->state_ticks == 1u) { /* all legs low before the gates ever come on */
@@ -436,7 +458,7 @@ static inline void drive(ht_drive *d, bool build)
     float share = 1.0f;
     /* The latch was released in the first interrupt of BUILD. */
     bool powered = !build || (d->state_ticks > 1u);
-    unsigned faults = faults_before(d, powered);
+    uint32_t faults = faults_before(d, powered);
     if (build && powered
         && ht_port_tripped(d->port, used_legs(d))) { /* just released: all at once */
         faults |= tripped_by(d);
@@ -446,7 +468,7 @@ static inline void drive(ht_drive *d, bool build)
         faults |= d->rotor_faults;
     }
     if (faults != 0u) {
-        fault(d, (uint16_t)faults);
+        fault(d, faults);
         return;
     }
     d->in.torque_ref_Nm = d->torque_ref_Nm; /* 0 in BUILD */
@@ -496,7 +518,7 @@ static unsigned faults_in_build(ht_drive *d)
 HT_SELDOM static void align(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
-    unsigned faults = faults_in_build(d); /* the shaft may swing */
+    uint32_t faults = faults_in_build(d) | d->slow_faults; /* the shaft may swing */
     ht_alignment step;
     ht_compare out;
     if (d->state_ticks == 1u) {
@@ -507,7 +529,7 @@ HT_SELDOM static void align(ht_drive *d)
         faults |= HT_FAULT_ENCODER;
     }
     if (faults != 0u) {
-        fault(d, (uint16_t)faults);
+        fault(d, faults);
         return;
     }
     ht_control_align(&c->control, &d->control, &d->in, d->rotor.direction, &out);
@@ -552,11 +574,11 @@ static float caught_Wb(const ht_drive *d, float omega_rad_s)
 HT_SELDOM static void catch_shaft(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
-    unsigned faults = faults_in_build(d) | d->slow_faults;
+    uint32_t faults = faults_in_build(d) | d->slow_faults;
     float omega_rad_s = d->speed_rpm / c->protect.rpm_per_rad_s;
     ht_compare out;
     if (faults != 0u) {
-        fault(d, (uint16_t)faults);
+        fault(d, faults);
         return;
     }
     d->in.omega_rad_s = omega_rad_s;
@@ -579,14 +601,17 @@ static void test(ht_drive *d)
 {
     const ht_control_config *c = &d->config->control;
     ht_compare out;
-    unsigned faults = ht_protect_samples(&d->config->protect, &d->in, d->speed_rpm, false);
+    uint32_t faults = d->slow_faults
+                      | ht_protect_samples(&d->config->protect, &d->in, d->speed_rpm, false);
+    look_at_heat(d, d->stuck_leg);
+    next_leg(d);
     faults |= ht_excitation_faults(&d->config->excitation, &d->excitation, &d->in.i_A,
                                    d->samples.position);
     if ((d->state_ticks > 1u) && ht_port_tripped(d->port, used_legs(d))) {
         faults |= tripped_by(d);
     }
     if (faults != 0u) {
-        fault(d, (uint16_t)faults);
+        fault(d, faults);
         return;
     }
     if (d->state_ticks >= d->config->excitation.ticks) {
@@ -625,7 +650,7 @@ HT_SELDOM static void take_staged(ht_drive *d)
     }
     if ((d->off_legs != 0u) && !ht_control_can_lose(&d->config->control)) {
         /* It cannot do without a leg any more. This interrupt acts on it. */
-        d->slow_faults = (uint16_t)(d->slow_faults | HT_FAULT_PHASE);
+        d->slow_faults |= HT_FAULT_PHASE;
     }
 }
 
@@ -727,7 +752,7 @@ void ht_drive_stop(ht_drive *d)
 
 ht_result ht_drive_clear(ht_drive *d)
 {
-    if ((d->faults & (uint16_t)HT_FAULT_CLOCK) != 0u) {
+    if ((d->faults & (uint32_t)HT_FAULT_CLOCK) != 0u) {
         return HT_ERROR_STATE; /* nothing but a reset makes another clock */
     }
     if (ht_port_trip_pin_low(d->port)) {

@@ -52,13 +52,19 @@ uint16_t ht_state_flags(uint16_t state);
 #define HT_BUILD_BLIND 0.1f
 
 /** Limits that keep the torque from its reference (channel `limits`). */
-enum { HT_LIMIT_TORQUE = 1, HT_LIMIT_VDC_HIGH = 2, HT_LIMIT_VDC_LOW = 4, HT_LIMIT_POWER = 8 };
+enum {
+    HT_LIMIT_TORQUE = 1,
+    HT_LIMIT_VDC_HIGH = 2,
+    HT_LIMIT_VDC_LOW = 4,
+    HT_LIMIT_POWER = 8,
+    HT_LIMIT_HEAT = 16
+};
 
 /** The values of the fast interrupt that raised the latest fault. */
 typedef struct {
     uint32_t tick;   /**< fast interrupts since init; 0 = no fault yet */
     uint16_t state;  /**< ht_state at the time */
-    uint16_t faults; /**< what that interrupt found */
+    uint32_t faults; /**< what that interrupt found */
     uint16_t warnings;
     ht_samples samples;
     ht_control_input in;
@@ -74,10 +80,10 @@ typedef struct {
     uint32_t tick;                          /**< fast interrupts since init */
     volatile uint32_t taken_tick;  /**< of the first interrupt with the parameters in force */
     volatile uint32_t state_ticks; /**< fast interrupts since the state began */
+    volatile uint32_t slow_faults; /**< found by the slow interrupt, for the fast one */
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
-    volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
     volatile uint16_t trips;       /**< by hardware since init, modulo 2^16; the fast interrupt's */
-    uint16_t faults;
+    uint32_t faults;
     uint16_t warnings;
     uint16_t end_counts;   /**< PWM counts from the period's start to the interrupt's end */
     uint16_t off_legs;     /**< legs that stay off while the drive runs, a state word */
@@ -118,7 +124,10 @@ typedef struct {
     ht_ramp_state ramp;        /**< of the speed reference */
     float stop_ticks;          /**< slow interrupts since the stop began */
     uint16_t motion;           /**< as the latest slow interrupt found it */
+    uint16_t heat_warnings;    /**< the slow interrupt's own: it must not write `warnings` */
     ht_set_difference sets;    /**< learnt; a stop does not forget it */
+    ht_heat_state heat;        /**< nothing but a reset forgets it */
+    float heat_share;          /**< of the torque limit, that the winding's temperature leaves */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;
@@ -154,15 +163,17 @@ ht_result ht_drive_start(ht_drive *d);
 /** Seconds, rounded up, until a start is no longer refused because of trips by hardware; 0: now. */
 uint16_t ht_drive_restart_wait(const ht_drive *d);
 void ht_drive_stop(ht_drive *d);
+/** Warning bits. */
+uint16_t ht_drive_warnings(const ht_drive *d);
 ht_result ht_drive_clear(ht_drive *d);
 
 /** Take the gates off and latch `bits`, for a fault that other code finds within the fast
  *  interrupt. */
-void ht_drive_trip(ht_drive *d, uint16_t bits);
+void ht_drive_trip(ht_drive *d, uint32_t bits);
 /** The same from outside the fast interrupt, if none is expected any more, or none yet. If one
  *  comes all the same, it finds the drive in FAULT. Also takes over parameters that wait for a fast
  *  interrupt. */
-void ht_drive_stand_in(ht_drive *d, uint16_t bits);
+void ht_drive_stand_in(ht_drive *d, uint32_t bits);
 
 /** Change one parameter: range, state and consistency are checked first, and
  *  nothing changes on an error. */

@@ -141,6 +141,9 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     d->speed_rpm = 0.0f;
     d->faults = 0u;
     d->warnings = 0u;
+    d->heat_warnings = 0u;
+    d->heat_share = 1.0f;
+    ht_heat_reset(&d->heat);
     d->snapshot.tick = 0u;
     d->end_counts = 0u;
     d->trips = 0u;

@@ -208,7 +208,7 @@ static void look_for_interrupt(ht_drive *d)
 {
     uint32_t tick = d->tick;
     if (tick == d->tick_last) { /* no fast interrupt since the last slow one */
-        ht_drive_stand_in(d, (uint16_t)HT_FAULT_INTERRUPT);
+        ht_drive_stand_in(d, HT_FAULT_INTERRUPT);
         ht_port_read(d->port, &d->samples); /* the shaft may turn all the same */
         d->position_now = d->samples.position;
     }
@@ -226,21 +226,20 @@ static void measure_speed(ht_drive *d, const ht_drive_config *c)
     d->speed_rpm = ht_speed_measure_step(&c->measure, &d->measured, moved, &capture);
 }
 
-/* The flux builds up: R_s is learnt, and the checks follow the flux. */
-static void follow_build(ht_drive *d, const ht_drive_config *c)
+/* The flux builds up: R_s is learnt, and the checks follow the flux. Returns the faults that are found. */
+static unsigned follow_build(ht_drive *d, const ht_drive_config *c)
 {
     ht_protect_follow(&c->protect, &d->protect, &d->control);
     (void)follow_along(d, c);
     if (d->catches != 0u) {
         ht_ramp_reset(&d->ramp, d->speed_rpm); /* RUN begins with the speed that there is then */
-        d->slow_faults = slips_unnoticed(d, c);
-        return; /* away from standstill R_s cannot be learnt */
+        return slips_unnoticed(d, c);          /* away from standstill R_s cannot be learnt */
     }
-    d->slow_faults = turning_unnoticed(d, c);
     if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)
         && (d->off_legs == 0u)) {
         ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
     }
+    return turning_unnoticed(d, c);
 }
 
 /* Where nothing adapts, the resistances in use are the configured ones. Without a leg they stay
@@ -284,14 +283,15 @@ static unsigned limit_torque(const ht_drive *d, const float *v, float *least_Nm,
 {
     float omega_rad_s = fabsf(d->speed_rpm) * (PI_F / 30.0f);
     float power_W = v[HT_P_power_limit_W];
+    unsigned nearer = (d->heat_share < 1.0f) ? (unsigned)HT_LIMIT_HEAT : (unsigned)HT_LIMIT_TORQUE;
     *most_Nm = d->torque_limit_Nm;
     *least_Nm = d->torque_least_Nm;
     if ((power_W > 0.0f) && ((*most_Nm * omega_rad_s) > power_W)) {
         *most_Nm = power_W / omega_rad_s;
         *least_Nm = (*least_Nm < -*most_Nm) ? -*most_Nm : *least_Nm;
-        return HT_LIMIT_POWER;
+        nearer = HT_LIMIT_POWER;
     }
-    return HT_LIMIT_TORQUE;
+    return nearer;
 }
 
 /* The speed reference on its way: by the ramp, or down to a standstill. A ramp begins at the speed that is
@@ -365,7 +365,7 @@ static void refer_torque(ht_drive *d, const ht_drive_config *c)
                                      d->in.vdc_V, d->flux_ref_Wb);
     d->flux_ref_Wb = ht_derated_flux_Wb(&c->derating, most_A, d->flux_ref_Wb, rotor_Wb(d));
     /* The flux may be on its way down: the torque goes first. */
-    d->torque_limit_Nm = torque_limit(d, c, most_A, follow_along(d, c));
+    d->torque_limit_Nm = d->heat_share * torque_limit(d, c, most_A, follow_along(d, c));
     follow_reference(d, c);
 }
 
@@ -425,20 +425,55 @@ static void refer_magnets(ht_drive *d, const ht_drive_config *c)
     const ht_magnet_config *m = &c->control.observer.magnet;
     float most_A = ht_derated_most_A(&c->derating, NULL, d->in.vdc_V, m->psi_f_Wb);
     float most_Wb;
-    d->torque_limit_Nm = magnet_limit_Nm(d, c, most_A);
+    d->torque_limit_Nm = d->heat_share * magnet_limit_Nm(d, c, most_A);
     follow_reference(d, c);
     most_Wb = most_flux_Wb(d, c, most_A, d->torque_ref_Nm);
     d->flux_ref_Wb = smaller(ht_magnet_flux_Wb(m, ht_magnet_least_A(m, d->torque_ref_Nm)), most_Wb);
 }
 
+/* Losses outside of the stator's winding: the rotor's at this torque, R_r (L_m/L_r)^2 i^2 with the current
+ * i across the rotor flux, and the iron's as it is configured. With magnets there are none. */
+static float frame_W(const ht_drive *d, const ht_drive_config *c)
+{
+    float omega = fabsf(d->omega_mean_rad_s);
+    float iron = 3.0f * omega * (c->least_loss.hysteresis_ohm + c->least_loss.eddy_ohm * omega);
+    float across_A;
+    if (c->control.observer.magnets || (d->state != (uint16_t)HT_STATE_RUN)) {
+        return 0.0f;
+    }
+    across_A = d->torque_ref_Nm / (c->control.observer.torque_gain * rotor_Wb(d));
+    return 3.0f * d->control.observer.rr_scale * c->protect.slip_gain * across_A * across_A
+           + iron * d->flux_ref_Wb * d->flux_ref_Wb;
+}
+
+/* The machine cools in every state. Gates that are on need a winding that is not too hot. */
+static void follow_heat(ht_drive *d, const ht_drive_config *c)
+{
+    bool powered = (ht_state_flags(d->state) & (unsigned)HT_GATES_ON) != 0u;
+    float winding_degC;
+    ht_heat_step(&c->heat, &d->heat, powered, frame_W(d, c));
+    winding_degC = ht_heat_winding_degC(&c->heat, &d->heat);
+    d->heat_share = ht_heat_share(&c->heat, winding_degC);
+    d->heat_warnings = (d->heat_share < 1.0f) ? (uint16_t)HT_WARNING_WINDING : 0u;
+}
+
+/* The winding is too hot. It need not be so that there is a limit before the trip. */
+static uint32_t too_hot(const ht_drive *d)
+{
+    return (d->heat_share > 0.0f) ? 0u : HT_FAULT_WINDING;
+}
+
 void ht_drive_slow_isr(ht_drive *d)
 {
+    uint32_t faults = 0u; /* written once: the fast interrupt may read them at any time */
     const ht_drive_config *c = ht_config_in_force(d); /* once: nor must it change half-way */
     look_for_interrupt(d);
     forget_trips(d, c->params.v);
     measure_speed(d, c);
+    follow_heat(d, c);
     if (d->state == (uint16_t)HT_STATE_RUN) {
-        d->slow_faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
+        faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
+        d->slow_faults = faults | too_hot(d);
         if (c->control.observer.magnets) {
             ht_leg_loss_tolerate(&d->control.leg_loss, c->params.v[HT_P_rs_ohm],
                                  c->params.v[HT_P_lxy_H], d->control.observer.omega_sync_rad_s);
@@ -453,9 +488,9 @@ void ht_drive_slow_isr(ht_drive *d)
         }
         come_to_a_stop(d, c->params.v);
     } else {
-        d->slow_faults = 0u;
         if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->control.observer.magnets) {
-            follow_build(d, c);
+            faults = follow_build(d, c);
         }
+        d->slow_faults = faults | too_hot(d);
     }
 }

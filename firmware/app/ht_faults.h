@@ -1,5 +1,6 @@
 /** @file ht_faults.h
  *  Fault bits, latched by the drive until `ht_drive_clear`, and warning bits, and what they mean.
+ *  A word of faults has 32 bits. The fast interrupt's own checks find the first sixteen only.
  */
 #ifndef HT_FAULTS_H
 #define HT_FAULTS_H
@@ -14,6 +15,7 @@ enum {
 };
 #undef HT_FAULT_ENUMERATORS
 #define HT_FAULT_PHASE 0x8000u
+#define HT_FAULT_WINDING 0x10000u
 
 enum {
 #define HT_WARNING(name, bit, text, help) HT_WARNING_##name = (bit),
@@ -21,8 +23,11 @@ enum {
 #undef HT_WARNING
 };
 
+/** What of a word of faults has its place in the replies' head and the snapshot. */
+#define HT_LOW_FAULTS(bits) ((uint16_t)((bits) & 0xFFFFu))
+
 typedef struct {
-    uint16_t bit;
+    uint32_t bit;
     const char *name;
     const char *help;
 } ht_fault_info;

@@ -160,6 +160,16 @@ float ht_misfit_stop_s(const ht_params *p)
     return (ramp_s > quick_s) ? ramp_s : quick_s;
 }
 
+float ht_misfit_heat_per_s(const ht_params *p)
+{
+    const float *v = p->v;
+    if (v[HT_P_winding_K_W] == 0.0f) {
+        return 0.0f;
+    }
+    return 1.0f / v[HT_P_winding_s]
+           + (1.0f + v[HT_P_frame_K_W] / v[HT_P_winding_K_W]) / v[HT_P_frame_s];
+}
+
 /* What the limits of the dc link demand where there are any. */
 static bool vdc_fits(const ht_params *p, uint16_t misfit)
 {
@@ -244,6 +254,13 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_VDC_LEVELS:
     case HT_MISFIT_VDC_BAND:
         result = vdc_fits(p, misfit);
+        break;
+    case HT_MISFIT_HEAT_AMBIENT:
+        result = (v[HT_P_winding_K_W] == 0.0f)
+                 || (v[HT_P_winding_limit_degC] > v[HT_P_ambient_degC]);
+        break;
+    case HT_MISFIT_HEAT_TIMES:
+        result = ht_misfit_heat_per_s(p) <= 0.125f * v[HT_P_f_slow_Hz];
         break;
     case HT_MISFIT_STOP_TIME:
         result = v[HT_P_stop_s] >= ht_misfit_stop_s(p);

@@ -37,6 +37,8 @@ const ht_misfit_info *ht_misfit_describe(uint16_t misfit);
  *  speed the torque falls. */
 float ht_misfit_band_V(const ht_params *p);
 
+/** Largest rate at which the thermal model changes, 1/s; 0: heat is not watched. */
+float ht_misfit_heat_per_s(const ht_params *p);
 /** Least `stop_s`: what the ramps take from `speed_trip_rpm` down; 0 without a ramp. */
 float ht_misfit_stop_s(const ht_params *p);
 

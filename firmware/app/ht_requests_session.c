@@ -50,6 +50,20 @@ static uint16_t list_reset(ht_service *l, uint16_t row)
     return HT_OK;
 }
 
+/* All bits of the faults. */
+static uint16_t list_faults(ht_service *l, uint16_t row)
+{
+    ht_packet *p = &l->reply;
+    if (row != 0u) {
+        return HT_ERROR_ID;
+    }
+    ht_packet_add8(p, HT_LIST_FAULTS);
+    ht_packet_add16(p, row);
+    ht_packet_add32(p, l->drive->faults);
+    ht_packet_add32(p, (l->drive->snapshot.tick != 0u) ? l->drive->snapshot.faults : 0u);
+    return HT_OK;
+}
+
 uint16_t ht_request_list(ht_service *l, const uint16_t *in, uint16_t n)
 {
     if (n != 3u) {
@@ -57,6 +71,9 @@ uint16_t ht_request_list(ht_service *l, const uint16_t *in, uint16_t n)
     }
     if (in[0] == (uint16_t)HT_LIST_RESET) {
         return list_reset(l, ht_get16(&in[1]));
+    }
+    if (in[0] == (uint16_t)HT_LIST_FAULTS) {
+        return list_faults(l, ht_get16(&in[1]));
     }
     return ht_dictionary_add(&l->reply, l->drive->port, in[0], ht_get16(&in[1])) ? HT_OK
                                                                                  : HT_ERROR_ID;
@@ -114,6 +131,7 @@ uint16_t ht_request_status(ht_service *l, const uint16_t *in, uint16_t n)
         flags |= 2u;
     }
     flags |= armed ? 4u : 0u;
+    flags |= (l->drive->faults > 0xFFFFu) ? 8u : 0u; /* HT_LIST_FAULTS has them */
     ht_packet_add8(p, flags);
     ht_packet_add8(p, l->burst.state);
     ht_packet_add16(p, (uint16_t)left_ms);

@@ -18,7 +18,7 @@ static void watch(ht_service *l)
         l->watchdog_left--;
         if (l->watchdog_left == 0u) {
             l->armed = 0u;
-            ht_drive_trip(l->drive, (uint16_t)HT_FAULT_LINK);
+            ht_drive_trip(l->drive, HT_FAULT_LINK);
         }
     }
 }

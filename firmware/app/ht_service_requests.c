@@ -100,6 +100,6 @@ void ht_service_execute(ht_service *l, const uint16_t *octets, uint16_t n)
     p->octet[1] = octets[1];
     p->octet[2] = result;
     p->octet[3] = l->drive->state;
-    ht_put16(&p->octet[4], l->drive->faults);
+    ht_put16(&p->octet[4], HT_LOW_FAULTS(l->drive->faults)); /* HT_LIST_FAULTS has all of them */
     ht_put32(&p->octet[6], l->drive->tick);
 }

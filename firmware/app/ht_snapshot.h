@@ -14,10 +14,12 @@ enum {
 #define HT_SNAPSHOT_16(member) +2
 #define HT_SNAPSHOT_32(member) +4
 #define HT_SNAPSHOT_FLOAT(member) +4
+#define HT_SNAPSHOT_FAULTS(member) +2
 #include "ht_snapshot.def"
 #undef HT_SNAPSHOT_16
 #undef HT_SNAPSHOT_32
 #undef HT_SNAPSHOT_FLOAT
+#undef HT_SNAPSHOT_FAULTS
 };
 
 /** Append a snapshot to a body. */

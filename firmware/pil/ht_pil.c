@@ -131,6 +131,7 @@ static uint16_t snapshot(const ht_pil *p, ht_packet *reply)
     if (!p->ready) {
         return HT_PIL_REFUSED;
     }
+    ht_packet_add32(reply, p->drive.snapshot.faults);
     ht_snapshot_add(reply, &p->drive.snapshot);
     return HT_OK;
 }
@@ -210,7 +211,7 @@ void ht_pil_answer(ht_pil *p, const uint16_t *octets, uint16_t n, ht_packet *rep
     reply->octet[2] = result;
     if (p->ready) {
         reply->octet[3] = p->drive.state;
-        ht_put16(&reply->octet[4], p->drive.faults);
+        ht_put32(&reply->octet[4], p->drive.faults);
     }
 }
 

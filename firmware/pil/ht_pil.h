@@ -13,14 +13,14 @@
 #include "ht_pil_side.h"
 #include "ht_reader.h"
 
-#define HT_PIL_VERSION 7u
+#define HT_PIL_VERSION 8u
 
 /** Telemetry channels at most. */
 enum { HT_PIL_CHANNELS = 64 };
 
 /** Bytes before the payload. Request: opcode, number. Reply: opcode + HT_OP_REPLY, number of
- *  the request, result, state, faults (16 bits). */
-enum { HT_PIL_REQUEST_HEAD = 2, HT_PIL_REPLY_HEAD = 6 };
+ *  the request, result, state, faults (32 bits). */
+enum { HT_PIL_REQUEST_HEAD = 2, HT_PIL_REPLY_HEAD = 8 };
 
 /** Interrupts of a STEP. */
 enum { HT_PIL_FAST = 1, HT_PIL_SLOW = 2 };

@@ -283,10 +283,20 @@ def _least_stop_s(value_of: Callable[[str], Any]) -> float:
     return float(lib.ht_misfit_stop_s(ffi.new("ht_params *", [values])))
 
 
+def _least_winding_s(value_of: Callable[[str], Any]) -> float:
+    """Least `winding_s` that the slow interrupts follow; infinite if the frame is too quick."""
+    values = [row.parse(value_of(name)) for name, row in parameters().items()]
+    others = lib.ht_misfit_heat_per_s(ffi.new("ht_params *", [values]))
+    others -= 1 / parameters()["winding_s"].parse(value_of("winding_s"))
+    left = 0.125 * parameters()["f_slow_Hz"].parse(value_of("f_slow_Hz")) - others
+    return 1 / left if left > 0 else math.inf
+
+
 #: The same with its least value.
 _LEAST: dict[int, Callable[[Callable[[str], Any]], float]] = {
     lib.HT_MISFIT_VDC_BAND: _least_band_V,
     lib.HT_MISFIT_STOP_TIME: _least_stop_s,
+    lib.HT_MISFIT_HEAT_TIMES: _least_winding_s,
 }
 
 

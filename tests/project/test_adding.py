@@ -41,7 +41,7 @@ build_s = 0.05
 #: A row for the end of a table of firmware/app, which is all that a new one takes.
 ROWS = {
     "ht_states.def": 'HT_STATE(HOLD, 6, "hold", HT_AT_WORK | HT_GATES_ON)',
-    "ht_warnings.def": 'HT_WARNING(DOOR, 0x0400, "door open", "of the cabinet")',
+    "ht_warnings.def": 'HT_WARNING(DOOR, 0x0800, "door open", "of the cabinet")',
     "ht_results.def": 'HT_RESULT(DOOR, 12, 1, "the door is open in state {state}")',
     "ht_misfits.def": "HT_ORDER(FLUX_BAND, flux_band_Wb, 0.5f, flux_ref_Wb, 1)",
     "ht_sets.def": 'HT_SET(FACTORY, 4, "of the factory")',

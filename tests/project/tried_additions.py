@@ -123,7 +123,7 @@ def rows() -> dict:
     return {
         "state": firmware.STATE_TABLE[-1]._asdict(),
         "listed": wire.parse_row(listed, wire.Kind.STATE, len(firmware.STATES) - 1).name,
-        "warnings": firmware.warnings(0x0400),
+        "warnings": firmware.warnings(0x0800),
         "refused": [str(refused), refused.mistake],
         "set": firmware.PARAMETER_SETS[-1],
         "misfit": said[0].removeprefix("controller set-up: "),

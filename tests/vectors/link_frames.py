@@ -51,6 +51,7 @@ def bodies() -> list[tuple[str, bytes]]:
     return [
         ("HELLO", struct.pack("<BBHH", 1, 7, 0, 0)),
         ("LIST row 2 of the faults", request(2, "BH", 2, 2)),
+        ("LIST all bits of the faults", request(2, "BH", 6, 0)),
         ("OPEN", struct.pack("<BBHHHI", 3, 9, 0, DICTIONARY, SESSION, MARK)),
         ("CLOSE", request(4)),
         ("STATUS", request(5)),
@@ -77,6 +78,9 @@ def bodies() -> list[tuple[str, bytes]]:
         ("reply to WRITE, refused", reply(7, 2, "H", 9)),
         ("reply to STREAM, over the budget", reply(11, 21, "H", 7)),
         ("reply to STATUS", reply(5, 0, "BBHIIIIB", 7, 2, 180, 3, 0, 1000000, MARK, 1)),
+        ("reply to STATUS, faults beyond 16 bits",
+         reply(5, 0, "BBHIIIIB", 8, 0, 0, 0, 0, 0, MARK, 0)),
+        ("reply to LIST, all bits of the faults", reply(2, 0, "BHII", 6, 0, 0x10041, 0x10000)),
         ("sample of stream 1", struct.pack("<BBI3f", 0x41, 255, 0xFFFFFFFF, 1.5, -0.0, 311.0)),
         ("data of a capture", struct.pack("<BBI5f", 0x50, 3, 600, *(0.1 * k for k in range(5)))),
         ("shortest body", b"\x05\x00"),

@@ -187,7 +187,7 @@ static bool exchange(ht_link *l, uint16_t opcode, ht_reader *r)
     number = ht_read8(r);
     l->result = ht_read8(r);
     l->state = ht_read8(r);
-    l->faults = ht_read16(r);
+    l->faults = ht_read32(r);
     if (answered == ((uint16_t)HT_OP_PIL_DAMAGED | (uint16_t)HT_OP_REPLY)) {
         down(l, HT_LINK_BROKEN);
     } else if ((answered != (opcode | (uint16_t)HT_OP_REPLY)) || (number != l->number)
@@ -460,10 +460,12 @@ void ht_link_snapshot(ht_link *l, ht_snapshot *s)
     ht_reader r;
     begin(l, HT_OP_PIL_SNAPSHOT);
     if (exchange(l, HT_OP_PIL_SNAPSHOT, &r)) {
+        uint32_t faults = ht_read32(&r);
         if (r.left != (uint16_t)HT_SNAPSHOT_BYTES) {
             down(l, HT_LINK_ANSWER);
         } else {
             ht_snapshot_take(r.octet, s);
+            s->faults = faults;
         }
     }
 }

@@ -63,7 +63,7 @@ typedef struct {
     uint16_t number; /**< of the latest request */
     uint16_t result; /**< what follows: of the latest reply */
     uint16_t state;
-    uint16_t faults;
+    uint32_t faults;
     float value;
     float told[HT_PIL_CHANNELS];     /**< channels as the latest reply left them */
     float channels[HT_PIL_CHANNELS]; /**< channels as they are recorded */

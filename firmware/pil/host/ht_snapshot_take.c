@@ -18,8 +18,10 @@ void ht_snapshot_take(const uint16_t *octets, ht_snapshot *s)
 #define HT_SNAPSHOT_FLOAT(member)                   \
     s->member = ht_float_of(ht_get32(&octets[at])); \
     at += 4u;
+#define HT_SNAPSHOT_FAULTS(member) HT_SNAPSHOT_16(member)
 #include "ht_snapshot.def"
 #undef HT_SNAPSHOT_16
 #undef HT_SNAPSHOT_32
 #undef HT_SNAPSHOT_FLOAT
+#undef HT_SNAPSHOT_FAULTS
 }

@@ -208,7 +208,7 @@ static double output(const ht_fmu_state *s, uint32_t row)
         return (double)s->drive.state;
     }
     if ((row == HT_FMU_FAULTS) || (row == HT_FMU_WARNINGS)) {
-        return (double)((row == HT_FMU_FAULTS) ? s->drive.faults : s->drive.warnings);
+        return (double)((row == HT_FMU_FAULTS) ? s->drive.faults : ht_drive_warnings(&s->drive));
     }
     return ht_fmu_outside_output(s, row);
 }

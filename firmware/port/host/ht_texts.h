@@ -15,6 +15,7 @@
 /** Macros as enumerators: the host's interface has no macros. */
 enum {
     HT_NUMBER_PHASE_LOST = HT_FAULT_PHASE,
+    HT_NUMBER_COPPER_PPM_K = HT_COPPER_PPM_K,
     HT_NUMBER_ALL_LEGS = HT_ALL_LEGS,
     HT_NUMBER_OFFSET_MOST_COUNTS = HT_OFFSET_MOST_COUNTS,
     HT_NUMBER_PROTOCOL = HT_SERVICE_VERSION,

@@ -175,7 +175,8 @@ class BoardDrive(DriveVerbs):
 
     @property
     def faults(self) -> list[str]:
-        return self.dictionary.causes(self._latest().faults)
+        self.client.get_status()
+        return self.dictionary.causes(self.client.faults)
 
     def _latest(self) -> wire.Reply:
         """A new reply. Every one has the state and the faults."""
@@ -196,6 +197,10 @@ class BoardDrive(DriveVerbs):
             raise LinkError(f"{self.client.url}: SNAPSHOT: {error}") from None
         if found is None:
             return None
+        if self.dictionary.minor >= wire.MINOR_OF_FAULTS:
+            kept = self.client.fault_words().kept
+            if kept & wire.LOW_FAULTS == found["faults"]:  # no other fault has come in between
+                found["faults"] = kept
         return {
             **found,
             "state": self.client.state(found["state"]).name,

@@ -11,6 +11,7 @@ from .. import firmware
 from ..plant import breaks, machines
 from ..plant.edges import EdgeLog, Edges
 from ..plant.gates import gates_record
+from ..plant.heat import STEP_S, Bodies
 from ..plant.legs import KINDS, MAX_BREAKS
 from ..plant.link import V
 from ..plant.load import load_record
@@ -25,7 +26,7 @@ from ..plant.loop import (
 )
 from ..plant.pwm import NEVER, pwm_record
 from ..plant.vsd import PHASES
-from ..setups import Setup, SetupError
+from ..setups import KEYS, Setup, SetupError
 from . import parts
 from .entry_point import EntryPoint
 from .interface import finite
@@ -66,6 +67,10 @@ class Hardware:
         model = machines.model(setup["machine.model"])
         self.machine = model.Parameters(**setup.machine_values())
         self._machine = model.make(self.machine)
+        heat = {key: setup[f"heat.{key}"] for key in KEYS["heat"]}
+        #: Temperatures of the machine, if the set-up has `heat.winding_K_W`.
+        self.bodies = Bodies(heat, self.machine, model.make, self._machine)
+        self._unheated = 0  # periods whose losses have not reached the bodies yet
         self._swing_per_s = parts.swing_per_s(setup, self._machine, setup.parameter("flux_ref_Wb"))
         self._windings_step_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))
         self._timing = parts.timing(setup, self.controller, self._windings_step_s)
@@ -143,6 +148,23 @@ class Hardware:
     def _advance(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         """Compute n periods, into rows for samples of the plant and for the firmware's channels.
         Both may be empty."""
+        if not self.bodies.on:
+            self._compute(0, n, plant, channels)
+            return
+        done = 0
+        whole = max(1, round(STEP_S / self.period_s))
+        while done < n:
+            part = min(n - done, whole - self._unheated)
+            rows = slice(done * self.samples_per_period, (done + part) * self.samples_per_period)
+            self._compute(done, part, plant[rows], channels[done : done + part])
+            done += part
+            self._unheated += part
+            if self._unheated >= whole:
+                self.bodies.advance(self._unheated * self.period_s)
+                self._unheated = 0
+
+    def _compute(self, first: int, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
+        """The same from the period `first` of a call on."""
         load = load_record(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
         shaft_step_s = parts.shaft_step_s(self.setup, load, self.load_Nm, self._swing_per_s)
         longest_s = min(self._windings_step_s, shaft_step_s)
@@ -150,7 +172,7 @@ class Hardware:
         instants = self._instants if len(plant) else NO_INSTANTS
         self._edges.kept = run_periods(
             n,
-            self.periods,
+            self.periods + first,
             self._timing,
             Plant(self._machine, load, self.inverter, self.sensors, self.plant_state),
             self.vdc_V,

@@ -159,7 +159,7 @@ class MonitoredDrive:
             "may_start": state is not None and state.name == IDLE,
             "may_clear": state is not None and state.name == FAULT,
             "working": self.working(),
-            "faults": self.drive.dictionary.causes(latest.faults) if latest else [],
+            "faults": self.drive.dictionary.causes(client.faults),
             "time_s": (ticks or (latest.tick if latest else 0)) / self.drive.hello.f_isr_Hz,
             "plugged": client.transport.plugged,
             "broken": str(client.broken) if client.broken else "",
@@ -427,7 +427,7 @@ class MonitoredDrive:
         latest, state = self.drive.client.latest, self._state()
         if latest is None or state is None:
             return False, 0
-        return state.name == FAULT, latest.faults
+        return state.name == FAULT, self.drive.client.faults
 
     def _read_values(self) -> None:
         values = self.drive.get_all()

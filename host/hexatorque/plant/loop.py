@@ -24,6 +24,7 @@ from numba import uint64
 from .breaks import push_breaks
 from .compiled import compiled, source_hash
 from .gates import suppress_short_pulses
+from .heat import add_heat
 from .inverter import advance, keep, put_back, set_leg, to_rails
 from .link import link_V
 from .machine import rk4_step, rk4_two_steps, stator_currents, torque_Nm
@@ -207,6 +208,8 @@ def _compile_follow(source: int):
                     continue
                 dt = (stop - now) / tm.clock_Hz
                 advance(inv, m, load, y, dt, vdc)
+            if m.heat.on != 0:
+                add_heat(m, y, dt)
             if se.i_filter_rad_s > 0.0:
                 filter_currents(se, m, y, dt)
             now = stop

@@ -86,6 +86,7 @@ class Client:
         self.mark = 0
         self.latest: Reply | None = None
         self.status: wire.StatusReply | None = None
+        self._more_faults = 0  # beyond those in every reply, at the latest STATUS
         #: The drive was stopped because this process was silent after its latest START.
         self.stopped: Stopped | None = None
         self.in_session = False
@@ -252,7 +253,7 @@ class Client:
         text = text_of(reply.status, state)
         with contextlib.suppress(wire.WireError):
             text = wire.refusal(reply) or text
-        if reply.status == Status.STATE and reply.faults and reply.op not in wire.SLOW:
+        if reply.status == Status.STATE and self.faults and reply.op not in wire.SLOW:
             text += "; clear the fault first"
         row = RESULTS.get(reply.status)
         return LinkError(f"{what}: {text}", reply.status, row is not None and row.mistake)
@@ -275,7 +276,22 @@ class Client:
             except wire.WireError as error:
                 raise LinkError(f"{self.url}: STATUS: {error}") from None
             self._take_mark(self.status.mark)
+            more = self.fault_words().latched if self.status.more_faults else 0
+            self._more_faults = more & ~wire.LOW_FAULTS
             return self.status
+
+    def fault_words(self) -> wire.FaultWords:
+        """All bits of the faults, from a board of version 2.3."""
+        reply = self.do(Op.LIST, struct.pack("<BH", wire.FAULTS, 0))
+        try:
+            return wire.parse_fault_words(reply.payload)
+        except wire.WireError as error:
+            raise LinkError(f"{self.url}: {error}") from None
+
+    @property
+    def faults(self) -> int:
+        """The latched bits, as the latest replies have them."""
+        return self._more_faults | (self.latest.faults if self.latest else 0)
 
     # -- session ---------------------------------------------------------------------
 

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from ..firmware import SnapshotNumbers
 
 PROTOCOL = lib.HT_NUMBER_PROTOCOL
+#: Bits of the faults that every reply has.
+LOW_FAULTS = 0xFFFF
+#: First minor version with `FAULTS`.
+MINOR_OF_FAULTS = 3
 LONGEST_BODY = lib.HT_NUMBER_LONGEST_BODY
 #: Longest frame: body, CRC, the bytes that COBS adds, and a zero on either side.
 LONGEST_FRAME = LONGEST_BODY + 4 + (LONGEST_BODY + 4) // 254 + 1 + 2
@@ -121,6 +125,8 @@ class Kind(IntEnum):
 ADDITIONS = lib.HT_LIST_ADDITIONS
 #: The kind of its row about the latest reset, since version 2.2.
 RESET = lib.HT_LIST_RESET
+#: The kind of its row with all bits of the faults, since version 2.3.
+FAULTS = lib.HT_LIST_FAULTS
 
 
 class CaptureState(IntEnum):
@@ -360,7 +366,8 @@ def parse_row(
                 raise WireError(f"a channel of unknown type {payload[3]}")
             return ChannelRow(*_texts(payload[4:], 3))
         if kind == Kind.FAULT:
-            return FaultRow(struct.unpack_from("<H", payload, 3)[0], *_texts(payload[5:], 2))
+            (bit,) = struct.unpack_from("<H", payload, 3)
+            return FaultRow(bit or 1 << row, *_texts(payload[5:], 2))
         return StateRow(*_texts(payload[3:], 1))
     except (struct.error, IndexError):
         raise WireError(f"row {row} of kind {kind} is too short") from None
@@ -403,6 +410,20 @@ def parse_reset(payload: bytes) -> Reset:
     return Reset(number, watchdogs, cause, help)
 
 
+class FaultWords(NamedTuple):
+    """All bits of the faults. Replies and SNAPSHOT have the first 16."""
+
+    latched: int
+    kept: int  #: by the latest fault's snapshot
+
+
+def parse_fault_words(payload: bytes) -> FaultWords:
+    """LIST's row of the faults. What a later version appends is ignored."""
+    if len(payload) < 11 or struct.unpack_from("<BH", payload) != (FAULTS, 0):
+        raise WireError("not the row of the faults")
+    return FaultWords(*struct.unpack_from("<II", payload, 3))
+
+
 class StatusReply(NamedTuple):
     in_session: bool
     ours: bool
@@ -414,11 +435,13 @@ class StatusReply(NamedTuple):
     dropped: int
     mark: int  #: set by a client, 0 after a reset (docs/protocol.md)
     set: int  #: the set of parameters with which the board started: `firmware.PARAMETER_SETS`
+    more_faults: bool = False  #: some are latched that only LIST's row of the faults has
 
 
 def parse_status(payload: bytes) -> StatusReply:
     flags, *rest = unpack("BBHIIIIB", payload)
-    return StatusReply(bool(flags & 1), bool(flags & 2), bool(flags & 4), *rest)
+    status = StatusReply(bool(flags & 1), bool(flags & 2), bool(flags & 4), *rest)
+    return status._replace(more_faults=bool(flags & 8))
 
 
 def open_session(nonce: int, mark: int) -> bytes:

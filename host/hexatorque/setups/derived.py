@@ -142,6 +142,18 @@ ALWAYS: dict[str, Rule] = {
     "i_full_A": Rule("the sensors'", lambda k: k.setup["sensors.i_full_A"]),
     "vdc_full_V": Rule("the sensors'", lambda k: k.setup["sensors.vdc_full_V"]),
     "link_F": Rule("the dc link's", lambda k: k.setup["inverter.link_F"]),
+    "winding_K_W": Rule("of [heat]", lambda k: k.setup["heat.winding_K_W"]),
+    "winding_s": Rule(
+        "of [heat], over its time_lapse",
+        lambda k: k.setup["heat.winding_s"] / k.setup["heat.time_lapse"],
+    ),
+    "frame_K_W": Rule("of [heat]", lambda k: k.setup["heat.frame_K_W"]),
+    "frame_s": Rule(
+        "of [heat], over its time_lapse",
+        lambda k: k.setup["heat.frame_s"] / k.setup["heat.time_lapse"],
+    ),
+    "ambient_degC": Rule("of [heat]", lambda k: k.setup["heat.ambient_degC"]),
+    "rs_degC": Rule("ohm_degC of [heat]", lambda k: k.setup["heat.ohm_degC"]),
     "encoder_counts_rev": Rule(
         "4 counts a pulse of the encoder", lambda k: 4 * k.setup["sensors.encoder_ppr"]
     ),

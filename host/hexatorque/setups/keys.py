@@ -191,6 +191,21 @@ KEYS: dict[str, dict[str, Key]] = {
         "kind": Key("choice", "torque against speed", choices=LOADS, default="constant"),
         "at_rpm": _n("speed at which the load takes the stated torque", "r/min", 1, 1e5, 1000.0),
     },
+    "heat": {
+        "winding_K_W": _n(
+            "thermal resistance from the winding to the frame, 0: no temperatures",
+            "K/W",
+            0,
+            1e3,
+            0.0,
+        ),
+        "winding_s": _n("thermal time constant of the winding", "s", 0.01, 1e5, 60.0),
+        "frame_K_W": _n("thermal resistance from the frame to the ambient", "K/W", 1e-5, 1e3, 0.5),
+        "frame_s": _n("thermal time constant of the frame", "s", 0.01, 1e6, 1800.0),
+        "ambient_degC": _n("ambient temperature, and the machine's", "degC", -50, 150, 40.0),
+        "ohm_degC": _n("temperature at which rs_ohm and rr_ohm are stated", "degC", -50, 250, 20.0),
+        "time_lapse": _n("temperatures change so many times as quickly", "", 1, 1e5, 1.0),
+    },
     "rated": {
         "torque_Nm": _n("rated torque, 0: not known", "N m", 0, MOST_NM, 0.0),
         "speed_rpm": _n("rated speed, 0: not known", "r/min", 0, MOST_RPM, 0.0),
@@ -248,6 +263,7 @@ ZERO_OR_AT_LEAST = {
     "machine.psi_knee_Wb": ("linear", 1e-3),  # smaller ones overflow the power law
     "inverter.link_F": ("a stiff link", 1e-6),
     "inverter.source_H": ("none", 1e-7),
+    "heat.winding_K_W": ("no temperatures", 1e-5),
     "inverter.chopper_ohm": ("none", 1e-3),
     "rated.torque_Nm": ("not known", 1e-4),
     "rated.speed_rpm": ("not known", 1e-2),

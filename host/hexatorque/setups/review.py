@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from .._firmware import lib
 from .derived import (
     F_ISR_FAST_HZ,
     LEAST_INERTIA,
@@ -30,6 +31,8 @@ from .to_parameters import parameters
 from .values import SetupError
 
 COS_15 = math.cos(math.pi / 12)
+#: Of copper, as the firmware has it.
+PER_K = lib.HT_NUMBER_COPPER_PPM_K * 1e-6
 #: x-y flux of a drive that applies large vectors alone, in units of its flux: each vector turns
 #: the x-y plane's by 150 degrees, and lasts for a twelfth of a turn. Peak of the star that this
 #: draws: 0.5176 0.1725/0.622 pi/6.
@@ -404,6 +407,24 @@ def _or_profile(d: Design, link_V: float) -> str:
     return "" if link_V == d.vdc_V else f", or change profile.vdc_V = {link_V:g} V"
 
 
+def _rated_degC(d: Design) -> float:
+    """Temperature of the winding at which its losses at rated current settle, as the controller is
+    told them; the rotor's are about as much as the slip takes of the torque."""
+    p = d.parameter
+    ohm_per_K = PER_K * p("rs_ohm") / (1 + PER_K * (p("rs_degC") - 20))
+    i2_A2 = 3 * d.rated_A**2  # six phases, amplitude
+    ambient_W = i2_A2 * (p("rs_ohm") + ohm_per_K * (p("ambient_degC") - p("rs_degC")))
+    rotor_W = 0.0
+    if not d.magnets:
+        slip_rad_s = d.machine.slip_rad_s(d.rated_Nm, d.flux_Wb)
+        rotor_W = d.rated_Nm * slip_rad_s / d.machine.pole_pairs
+    both_K_W = p("winding_K_W") + p("frame_K_W")
+    grows = i2_A2 * ohm_per_K * both_K_W
+    if grows >= 1:
+        return math.inf
+    return p("ambient_degC") + (ambient_W * both_K_W + rotor_W * p("frame_K_W")) / (1 - grows)
+
+
 def _fits(d: Design) -> Iterator[Finding]:
     """What goes beyond the firmware's own demands, which every set-up meets (`Setup`)."""
     p, setup = d.parameter, d.setup
@@ -428,6 +449,12 @@ def _fits(d: Design) -> Iterator[Finding]:
         yield at_most(
             "vdc_low_V + vdc_band_V below the link", p("vdc_low_V") + p("vdc_band_V"), d.vdc_V, "V",
             "lower controller.vdc_low_V: above the source's voltage the drive could not drive",
+        )  # fmt: skip
+    if p("winding_K_W") > 0:
+        yield at_most(
+            "winding at rated current, in the end", _rated_degC(d), p("winding_limit_degC"), "degC",
+            "the drive will not keep its rated current: lower controller.winding_K_W or frame_K_W, "
+            "or raise winding_limit_degC", "note",
         )  # fmt: skip
     yield at_least(
         "flux_trip_Wb", p("flux_trip_Wb"), 1.2 * d.flux_Wb, "Wb",

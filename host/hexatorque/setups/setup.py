@@ -192,8 +192,25 @@ def inconsistent(setup: Setup) -> list[str]:
     if setup["inverter.vdc_V"] > setup["sensors.vdc_full_V"]:
         lines.append("inverter.vdc_V is above sensors.vdc_full_V")
     lines += _link_lines(setup)
+    lines += _heat_lines(setup)
     lines += setup.profile.too_late()
     return lines
+
+
+#: Steps of the temperatures are 5 ms long: how many of them the shortest time constant needs.
+_HEAT_S = 0.05
+
+
+def _heat_lines(setup: Setup) -> list[str]:
+    """The same about temperatures: so quick a time lapse would leave them behind the currents."""
+    shortest_s = min(setup["heat.winding_s"], setup["heat.frame_s"])
+    most = shortest_s / _HEAT_S
+    if setup["heat.winding_K_W"] == 0 or setup["heat.time_lapse"] <= most:
+        return []
+    return [
+        f"heat.time_lapse = {setup['heat.time_lapse']:g}: allowed is up to {most:g} with a "
+        f"thermal time constant of {shortest_s:g} s"
+    ]
 
 
 def _link_lines(setup: Setup) -> list[str]:

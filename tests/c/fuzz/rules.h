@@ -57,7 +57,7 @@ double rules_rate_Hz(void);
 /* rules_requests.c. The state that a request finds. */
 typedef struct {
     uint16_t state;
-    uint16_t faults;
+    uint32_t faults;
     uint16_t capture;
     uint16_t capture_number;
     uint32_t tick;

@@ -333,7 +333,7 @@ static void check_done(unsigned opcode, const uint8_t *in, bool disturbed)
         CHECK(answered(26, 4) == the_rules.mark);
         break;
     case LIST:
-        CHECK(in[0] <= HT_LIST_ADDITIONS);
+        CHECK((in[0] <= HT_LIST_ADDITIONS) || (in[0] == HT_LIST_FAULTS));
         CHECK(the_rig.service.reply.n > 13u);
         break;
     default:
@@ -428,7 +428,8 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
         expected = (!off || sampling(b)) ? BAD_STATE : DONE;
         CHECK(off || (the_rig.store_writes == 0u));
     } else if (opcode == LIST) {
-        expected = (u16(&in[1]) < ht_dictionary_rows(in[0])) ? DONE : NO_ID;
+        unsigned rows = (in[0] == HT_LIST_FAULTS) ? 1u : ht_dictionary_rows(in[0]);
+        expected = (u16(&in[1]) < rows) ? DONE : NO_ID;
     } else if ((opcode == WRITE) || (opcode == GET) || (opcode == STREAM) || (opcode == ARM)) {
         expected = status; /* below */
         if (opcode == WRITE) {

@@ -219,9 +219,16 @@ def test_bit_text_and_help_are_those_of_the_table(table, macro, describe):
     for number, row in enumerate(rows):
         bit, text, help = re.fullmatch(rf'{macro}\(\w+, (\w+), "(.*?)", "(.*)"\)', row).groups()
         made = describe(number)
-        assert made.bit == int(bit.rstrip("u"), 0)
+        assert made.bit == int(bit.rstrip("uL"), 0)
         assert ffi.string(made.name).decode() == text
         assert ffi.string(made.help).decode() == help
+
+
+def test_a_row_of_the_faults_tells_its_bit_and_a_channel_holds_all_of_them():
+    """The link finds a bit beyond the sixteenth by its row, and a float has 24 bits."""
+    bits = [lib.ht_fault_describe(row).bit for row in range(lib.ht_fault_count())]
+    assert bits == [1 << row for row in range(len(bits))]
+    assert np.float32(sum(bits)) == sum(bits)
 
 
 def test_numbers_that_are_in_no_table():

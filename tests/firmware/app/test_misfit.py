@@ -106,6 +106,18 @@ CASES = {
         {**MAGNET, "flux_least_loss": "on"},
         "flux_least_loss = on, machine = magnet: with magnets it must be off: their flux has",
     ),
+    "HEAT_LEVELS": (
+        {"winding_limit_degC": 160.0},
+        "winding_limit_degC = 160 degC: allowed is up to winding_trip_degC = 145 degC",
+    ),
+    "HEAT_AMBIENT": (
+        {"winding_K_W": 0.5, "ambient_degC": 120.0},
+        "winding_limit_degC = 120 degC, ambient_degC = 120 degC: with heat watched (winding_K_W)",
+    ),
+    "HEAT_TIMES": (
+        {"winding_K_W": 0.5, "winding_s": 0.05},
+        "winding_s = 0.05 s, frame_s = 1800 s: allowed is 0.08001 s and more: with heat watched",
+    ),
 }
 
 

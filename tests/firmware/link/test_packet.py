@@ -275,7 +275,13 @@ def test_golden_frames_equal_the_hosts_frames():
     assert (hello.crc, hello.budget, hello.rows) == (0x0BADBEEF, 112500, (62, 27, 13, 5))
     assert (hello.memory, hello.watchdog_ms, hello.build) == (20480, 250, "build")
     status = wire.parse_status(wire.parse_reply(golden["reply to STATUS"]).payload)
-    assert status == (True, True, True, 2, 180, 3, 0, 1000000, 0x89ABCDEF, 1)
+    assert status == (True, True, True, 2, 180, 3, 0, 1000000, 0x89ABCDEF, 1, False)
+    more = wire.parse_reply(golden["reply to STATUS, faults beyond 16 bits"])
+    assert wire.parse_status(more.payload).more_faults
+    row = struct.pack("<BH", wire.FAULTS, 0)
+    assert golden["LIST all bits of the faults"] == request(wire.Op.LIST, row)
+    words = wire.parse_reply(golden["reply to LIST, all bits of the faults"])
+    assert wire.parse_fault_words(words.payload) == (0x10041, 0x10000)
     sample = np.frombuffer(golden["sample of stream 1"], wire.sample_type(3))[0]
     assert (sample["number"], sample["tick"]) == (255, 0xFFFFFFFF)
     assert sample["values"].tolist() == [1.5, -0.0, 311.0]

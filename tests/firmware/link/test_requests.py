@@ -204,7 +204,7 @@ def test_the_dictionary_has_every_row_and_its_crc(device):
         reply = device.ask(LIST, struct.pack("<BH", kind, count))
         assert (reply.status, reply.payload) == (ID, b"\xff\xff")
     assert found == crc
-    for kind, row in ((4, 1), (5, 1), (6, 0), (255, 0)):
+    for kind, row in ((4, 1), (5, 1), (6, 1), (7, 0), (255, 0)):
         assert device.ask(LIST, struct.pack("<BH", kind, row)).status == ID
     names = [t[0].decode() for t in texts]
     assert names[: rows[0]] == list(PARAMETERS)
@@ -220,7 +220,7 @@ def test_the_row_of_additions_has_the_flags_of_states(device):
     without it."""
     payload = device.done(LIST, "BH", 4, 0).payload
     kind, row, minor, *flags = struct.unpack(f"<BHH{len(payload) - 5}B", payload)
-    assert (kind, row, minor) == (4, 0, 2)
+    assert (kind, row, minor) == (4, 0, 3)
     gates = {"build", "run", "test"}
     assert dict(zip(firmware.STATES, flags, strict=True)) == {
         name: (name in gates | {"calibrate"}) + 2 * (name in gates) + 4 * (name in gates - {"test"})

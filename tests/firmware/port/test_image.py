@@ -590,10 +590,10 @@ CLOCK_FAULTS = {
         "no pin is the PWM's"),
     "watchdog left alone": (
         F28335, "ht_image.c",
-        "(uint16_t)HT_FAULT_CLOCK);\n    ht_watchdog_first(&ht_image_port);",
-        "(uint16_t)HT_FAULT_CLOCK);", "never", "no resets for ever"),
+        "HT_FAULT_CLOCK);\n    ht_watchdog_first(&ht_image_port);",
+        "HT_FAULT_CLOCK);", "never", "no resets for ever"),
     "fault that can be cleared": (
-        F28335, "ht_drive.c", "(d->faults & (uint16_t)HT_FAULT_CLOCK) != 0u", "d->faults > 0xFFFEu",
+        F28335, "ht_drive.c", "(d->faults & (uint32_t)HT_FAULT_CLOCK) != 0u", "d->faults > 0xFFFEu",
         "wrong", "clear is refused"),
     "line at the usual rate": (
         F28377S, "ht_port_c2000.c", "ht_sci_start(port, EMERGENCY_BAUD)",

@@ -254,13 +254,13 @@ def test_command(a_board, tmp_path, capsys):
 
 
 #: The reply to a damaged frame.
-DAMAGED = bytes([lib.HT_OP_PIL_DAMAGED | lib.HT_OP_REPLY, 0, 0, 0, 0, 0])
+DAMAGED = bytes([lib.HT_OP_PIL_DAMAGED | lib.HT_OP_REPLY, *bytes(lib.HT_PIL_REPLY_HEAD - 1)])
 
 
 def test_hello(a_board):
     os.write(a_board.near, request())
     (body,) = replies(answer(a_board))
-    head, identity = struct.unpack("<BBBBH", body[:6]), struct.unpack("<4HI", body[6:])
+    head, identity = struct.unpack("<BBBBI", body[:8]), struct.unpack("<4HI", body[8:])
     assert head == (lib.HT_OP_PIL_HELLO | lib.HT_OP_REPLY, 1, lib.HT_OK, 0, 0)
     own = ffi.new("ht_pil_identity *")
     lib.ht_pil_identify(own)
@@ -533,7 +533,7 @@ FAULTS = {
         "uint16_t room = FIFO_DEPTH;", "transmit FIFO is full"),
     "bytes lost on the way out": (
         F28377S, CHIP, "if (ht_sci_write(&chip, &octet, 1u) == 1u)",
-        "if (ht_sci_write(&chip, &octet, 1u) <= 1u)", "no reply in time"),
+        "if (ht_sci_write(&chip, &octet, 1u) <= 1u)", "did not arrive whole"),
     "last byte kept back": (
         F28335, SERVER, "    bool waiting = line.out.sent < line.out.n;",
         "    bool waiting = (line.out.sent + 1u) < line.out.n;", "no reply in time"),

@@ -13,7 +13,7 @@ from hexatorque import firmware
 from hexatorque.firmware import ffi, lib
 from hexatorque.serial import wire
 
-HEAD = struct.Struct("<BBBBH")
+HEAD = struct.Struct("<BBBBI")
 DAMAGED = lib.HT_OP_PIL_DAMAGED | lib.HT_OP_REPLY
 
 
@@ -108,14 +108,15 @@ def test_a_request_after_a_zero_is_found_after_any_bytes(seed):
     assert all(body[0] == DAMAGED for body in target.take(noise))
     target.take(b"\0")
     (body,) = target.take(frame(lib.HT_OP_PIL_HELLO, 3))
-    assert HEAD.unpack(body[:6])[:3] == (lib.HT_OP_PIL_HELLO | lib.HT_OP_REPLY, 3, lib.HT_OK)
+    head = HEAD.unpack(body[: HEAD.size])
+    assert head[:3] == (lib.HT_OP_PIL_HELLO | lib.HT_OP_REPLY, 3, lib.HT_OK)
 
 
 # --- requests -------------------------------------------------------------------------------
 
 
 def result(body):
-    return HEAD.unpack(body[:6])[2]
+    return HEAD.unpack(body[: HEAD.size])[2]
 
 
 @pytest.mark.parametrize("payload", [b"", init()[:-1], init() + b"\0", bytes([2]) + init()[1:]])

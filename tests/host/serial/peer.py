@@ -75,6 +75,7 @@ class Peer:
         self.protocol = 2
         self.values = {0: 1.0, 1: 0.0, 2: 2.3}
         self.additions: bytes | None = None  # LIST's row of kind 4; None: a board of version 2.0
+        self.words = (0, 0)  # LIST's row of kind 6: all fault bits
         self.refuse: dict[int, tuple[int, bytes]] = {}  # opcode -> status, payload
         self.faults: list[str] = []
         self.requests: list[bytes] = []
@@ -160,6 +161,8 @@ class Peer:
             kind, row = struct.unpack("<BH", payload)
             if kind == 4:
                 return payload + self.additions
+            if kind == 6:
+                return payload + struct.pack("<II", *self.words)
             return self.rows[sum(COUNTS[:kind]) + row]
         if op == 3:
             self.session, mark = struct.unpack("<HI", payload)
@@ -169,6 +172,7 @@ class Peer:
             self.session = 0
         if op == 5:
             flags = bool(self.session) | (session == self.session) << 1
+            flags |= (self.words[0] > 0xFFFF) << 3
             return struct.pack("<BBHIIIIB", flags, self.capture[0], 0, 7, 8, 9, self.mark, 1)
         if op == 6:
             ids = struct.unpack(f"<{len(payload) // 2}H", payload)

@@ -87,6 +87,22 @@ def test_of_a_board_that_says_nothing_about_its_states_the_worst_is_assumed(peer
         BoardDrive.open(peer.port)
 
 
+def test_faults_that_no_reply_has_are_asked_for_while_there_are_any(peer, drive):
+    def asked():
+        return [body for body in of(peer, LIST) if body[6] == wire.FAULTS]
+
+    assert drive.client.get_status() and not asked()
+    peer.words = (0x20041, 0)
+    drive.client.get_status()
+    assert drive.client.faults == 0x20000, "every reply has the first sixteen"
+    peer.words = (0, 0x20041)
+    drive.client.get_status()
+    count = len(asked())
+    assert count and drive.client.faults == 0
+    drive.client.get_status()
+    assert len(asked()) == count
+
+
 @pytest.mark.parametrize(
     ("fault", "times"),
     [("mute", 2), ("damage", 1), ("late", 1), ("late", 2), ("twice", 1), ("cut", 2)],

@@ -115,7 +115,7 @@ void ht_image_start(void)
 /* Without a right clock there is no interrupt, and no reset that would help. */
 static void stand_in(void)
 {
-    ht_drive_stand_in(&ht_image_drive, (uint16_t)HT_FAULT_CLOCK);
+    ht_drive_stand_in(&ht_image_drive, HT_FAULT_CLOCK);
     ht_watchdog_first(&ht_image_port);
 }
 

@@ -29,6 +29,7 @@ from numba.extending import overload
 from .. import machine
 from ..columns import add_columns
 from ..compiled import compiled
+from ..heat import HEAT
 from ..load import load_torque
 from ..machine import implements
 from ..record import record
@@ -60,6 +61,7 @@ _FIELDS = [
     ("iron", "i8"),  # 0: no iron losses
     ("hysteresis", "f8"),  # p k_h, N m/Wb^2
     ("eddy", "f8"),  # p^2 k_e, N m s/Wb^2
+    ("heat", HEAT),
 ]
 
 #: Speed over which the torque of the hysteresis changes sign, rad/s.
@@ -127,6 +129,7 @@ def make(p: Parameters) -> np.record:
         iron=int(p.iron_hysteresis_A_Wb > 0 or p.iron_eddy_S > 0),
         hysteresis=p.pole_pairs * p.iron_hysteresis_A_Wb,
         eddy=p.pole_pairs**2 * p.iron_eddy_S,
+        heat=np.zeros((), HEAT),
     )
 
 
@@ -250,6 +253,23 @@ def torque_Nm(m, y, i):
         s0, s1 = excess_flux(m, y)
         torque += (m.torque_gain - 3.0 * m.pole_pairs) * (s0 * i[1] - s1 * i[0])
     return torque
+
+
+@implements(machine.losses, "induction")
+def losses(m, y, drop):
+    for axis in range(2):
+        total = 0.0
+        for c in range(6):
+            total -= m.slope[c, 4 + axis] * y[c]
+        drop[axis] = total
+    if saturates(m):
+        s0, s1 = excess_flux(m, y)
+        for axis in range(2):
+            drop[axis] -= (m.slope[0, 4 + axis] + m.slope[4, 4 + axis]) * s0
+            drop[axis] -= (m.slope[1, 4 + axis] + m.slope[5, 4 + axis]) * s1
+    if m.iron != 0:
+        return iron_torque(m, y, y[6]) * y[6]
+    return 0.0
 
 
 @implements(machine.incremental, "induction")

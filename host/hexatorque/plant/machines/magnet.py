@@ -27,6 +27,7 @@ import numpy as np
 
 from .. import machine
 from ..compiled import compiled
+from ..heat import HEAT
 from ..load import load_torque
 from ..machine import implements
 from ..record import record
@@ -57,6 +58,7 @@ RECORD = np.dtype(
         ("start_rad", "f8"),  # electrical angle of the d axis at theta = 0
         ("inertia", "f8"),
         ("viscous", "f8"),
+        ("heat", HEAT),
     ]
 )
 
@@ -107,6 +109,7 @@ def make(p: Parameters) -> np.record:
         start_rad=np.deg2rad(p.start_deg),
         inertia=p.inertia_kgm2,
         viscous=p.viscous_Nms,
+        heat=np.zeros((), HEAT),
     )
 
 
@@ -289,6 +292,13 @@ def torque_Nm(m, y, i):
     turn = _turn(m, y)
     _, _, ab_t, xy_t = _magnet_flux(m, turn)
     return _torque(m, turn, ab_t, xy_t, complex(i[0], i[1]), complex(i[2], i[3]), y[7])
+
+
+@implements(machine.losses, "magnet")
+def losses(m, y, drop):
+    drop[0] = 0.0
+    drop[1] = 0.0
+    return 0.0
 
 
 @implements(machine.coast, "magnet")

@@ -1,0 +1,178 @@
+"""A drive that knows how hot its machine is: against the temperatures of the simulated one."""
+
+import numpy as np
+import pytest
+from campaigns import part
+
+from hexatorque import SimulatedDrive, firmware, load
+from hexatorque.firmware import FirmwareError
+
+#: Temperatures change so many times as quickly, in machine and firmware alike.
+LAPSE = 100.0
+CLASS_DEGC = 155.0
+HEAT = {"winding_s": 60.0, "frame_s": 900.0, "time_lapse": LAPSE, "ambient_degC": 30.0}
+#: Set-up -> rise of the winding above the frame, and of the frame, at rated load, about.
+RISES_K = (55.0, 35.0)
+SETUPS = ("paper-a-feasible", "paper-b", "magnet-surface")
+CASES = [(name, scheme) for name in SETUPS for scheme in ("ddr", "db-dtfc", "foc")]
+WARM = "winding warm"
+HOT = "winding hot"
+
+
+def copper_W(setup, torque_Nm):
+    """All losses of the stator's winding at this torque, 100 K warmer than where R_s is stated."""
+    p = SimulatedDrive(setup).machine
+    flux_Wb = setup.parameter("flux_ref_Wb")
+    if hasattr(p, "psi_f_Wb"):
+        current_A = torque_Nm / (3 * p.pole_pairs * p.psi_f_Wb)
+    else:
+        current_A = p.current_A(torque_Nm, flux_Wb)
+    return 3 * (p.rs_ohm + np.mean(p.drs_ohm)) * current_A**2 * 1.39
+
+
+def drive(name, scheme, torque_Nm, **changes):
+    """A running drive whose machine reaches `RISES_K` at this torque."""
+    latency = "predicted" if firmware.needs_prediction(scheme) else load(name)["timing.latency"]
+    base = load(name).changed(
+        {"controller.scheme": scheme, "timing.latency": latency, "load.kind": "constant"}
+    )
+    if name.startswith("paper"):  # all phases as the firmware is told
+        base = base.changed({"machine.drs_ohm": [0.0] * 6})
+    loss_W = copper_W(base, torque_Nm)
+    heat = HEAT | {"winding_K_W": RISES_K[0] / loss_W, "frame_K_W": RISES_K[1] / loss_W}
+    paths = {f"heat.{key}": value for key, value in heat.items()}
+    sim = SimulatedDrive(base.changed(paths | changes), samples_per_period=1)
+    start(sim)
+    return sim
+
+
+def start(sim):
+    sim.start()
+    while sim.state in ("calibrate", "build"):
+        sim.run(0.05, record=False)
+    assert sim.state == "run", sim.faults
+
+
+def rated(name):
+    setup = load(name)
+    return setup["rated.torque_Nm"], min(0.5 * setup["rated.speed_rpm"], 600.0)
+
+
+def compared(sim):
+    """The hottest phase as the firmware has it, less the true one, K."""
+    return sim.controller.channel("winding_degC") - sim.bodies.winding_degC.max()
+
+
+@pytest.mark.parametrize(("name", "scheme"), part(CASES, 4))
+def test_over_a_duty_cycle_the_winding_is_known_and_nothing_acts(name, scheme):
+    torque_Nm, speed_rpm = rated(name)
+    sim = drive(name, scheme, torque_Nm)
+    sim.set("speed_ref_rpm", speed_rpm)
+    off, highest = [], 0.0
+    for share in (1.0, 0.2, 1.2, 0.5, 1.0, 0.0):
+        sim.load_Nm = share * torque_Nm
+        for _ in range(8):
+            sim.run(0.25, record=False)
+            off.append(compared(sim))
+            highest = max(highest, sim.bodies.winding_degC.max())
+    assert (sim.state, sim.faults) == ("run", [])
+    assert sim.controller.drive.heat_warnings == 0
+    assert 50 < highest < 130, highest
+    assert np.abs(off).max() < 5.0, (np.min(off), np.max(off), highest)
+
+
+@pytest.mark.parametrize("name", ("paper-a-feasible", "magnet-surface", "small-2kw"))
+def test_an_overload_is_limited_and_without_the_limit_it_trips_before_the_winding_is_too_hot(name):
+    torque_Nm, speed_rpm = rated(name)
+    over_Nm = 1.5 * torque_Nm
+    most = {"controller.torque_limit_Nm": 1.1 * over_Nm, "heat.frame_s": 300.0}
+    for limited in (True, False):
+        levels = {
+            "controller.winding_trip_degC": CLASS_DEGC - 10,
+            "controller.winding_limit_degC": CLASS_DEGC - (30 if limited else 10),
+        }
+        sim = drive(name, "db-dtfc", torque_Nm, **most, **levels)
+        sim.set("speed_ref_rpm", speed_rpm)
+        sim.run(0.6, record=False)
+        sim.load_Nm = over_Nm
+        highest, warned, acted = 0.0, False, False
+        for _ in range(400):
+            sim.run(0.04, record=False)
+            highest = max(highest, sim.bodies.winding_degC.max())
+            if sim.state != "run":
+                break
+            warned |= bool(sim.controller.drive.heat_warnings)
+            acted |= bool(int(sim.controller.channel("limits")) & firmware.lib.HT_LIMIT_HEAT)
+            if limited and acted and sim.load_Nm > torque_Nm:
+                sim.load_Nm = 0.8 * torque_Nm  # the load that a limited drive still carries
+        assert highest < CLASS_DEGC
+        if limited:
+            assert warned and acted
+            assert (sim.state, sim.faults) == ("run", [])
+        else:
+            assert sim.faults == [HOT], sim.faults
+            assert highest > CLASS_DEGC - 15
+
+
+def test_heat_is_kept_over_clear_stop_and_start_and_a_start_waits_until_it_has_cooled():
+    name = "paper-a-feasible"
+    torque_Nm, speed_rpm = rated(name)
+    sim = drive(
+        name, "db-dtfc", torque_Nm, **{
+            "controller.winding_trip_degC": 90.0, "controller.winding_limit_degC": 90.0,
+        },
+    )  # fmt: skip
+    sim.set("speed_ref_rpm", speed_rpm)
+    sim.load_Nm = 1.3 * torque_Nm
+    while sim.state == "run":
+        sim.run(0.05, record=False)
+    assert sim.faults == [HOT] and sim.snapshot["faults"] == [HOT]
+    hot = sim.controller.channel("winding_degC")
+    assert hot > 85
+    sim.load_Nm = 0.0
+    sim.plant_state[6] = 0.0
+    sim.set("speed_ref_rpm", 0)
+    sim.run(0.05, record=False)
+    sim.clear()
+    assert sim.faults == [] and abs(sim.controller.channel("winding_degC") - hot) < 5
+    sim.controller.drive.heat.rise_K[0] = 75.0  # 105 degC: beyond the trip
+    sim.run(0.01, record=False)
+    sim.start()
+    sim.run(0.02, record=False)
+    assert sim.state == "fault" and sim.faults == [HOT]
+    assert sim.snapshot["state"] == "calibrate", "the gates have not come on"
+    sim.run(1.0, record=False)
+    sim.clear()
+    start(sim)
+    before = sim.controller.channel("winding_degC")
+    assert before > 35
+    sim.stop()
+    sim.run(0.02, record=False)
+    sim.start()
+    sim.run(0.1, record=False)
+    assert sim.controller.channel("winding_degC") > before - 5
+
+
+@pytest.mark.parametrize("scheme", ("ddr", "foc"))
+def test_a_firmware_that_watches_heat_has_the_bits_of_one_that_does_not(scheme):
+    states = []
+    for watched in ({}, {"winding_K_W": 1e-3}):
+        base = load("paper-a-feasible").changed({"controller.scheme": scheme})
+        sim = SimulatedDrive(base.changed({f"controller.{k}": v for k, v in watched.items()}))
+        sim.start()
+        sim.set("speed_ref_rpm", 300)
+        sim.run(0.6, record=False)
+        states.append(sim.plant_state.copy())
+    assert np.array_equal(*states)
+
+
+def test_levels_out_of_range_are_told_in_one_line():
+    controller = firmware.Controller("f28377s", {})
+    for name, value, said in (
+        ("frame_K_W", 0.0, "frame_K_W = 0: allowed range is 1e-05 .. 1000 K/W"),
+        ("winding_s", 0.0, "winding_s = 0: allowed range is 0.01 .. 100000 s"),
+        ("winding_K_W", -1.0, "winding_K_W = -1: allowed range is 0 .. 1000 K/W"),
+    ):
+        with pytest.raises(FirmwareError) as refused:
+            controller.set(name, value)
+        assert str(refused.value) == said
