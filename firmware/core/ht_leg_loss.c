@@ -134,10 +134,12 @@ static void gather(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
 static void begin(ht_leg_loss_state *st)
 {
     static const ht_leg_evidence nothing = {0.0f, 0.0f, 0.0f};
-    static const ht_leg_loss_fit no_period = {0.0f, 0.0f, 0.0f, 0.0f};
     int leg;
     st->count = 1u;
-    st->fit = no_period;
+    st->fit.both_VA = 0.0f;
+    st->fit.change_A2 = 0.0f;
+    st->fit.residual_V2 = 0.0f;
+    st->fit.sums_A2 = 0.0f;
     for (leg = 0; leg < HT_LEGS; leg++) {
         st->leg[leg] = nothing;
     }
