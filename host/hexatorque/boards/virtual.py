@@ -328,10 +328,10 @@ def serve(
         if xcp and xcp.pass_to(board.controller):
             busy_s = done_s
         step_s = min(due_s - done_s, 10 * TURN_S * speed)
-        board.run(step_s, record is not None)
-        done_s += step_s
         if record:
             record.keep()
+        board.run(step_s, record is not None)
+        done_s += step_s
         sent = board.controller.take()
         if sent:
             line.write(sent)

@@ -99,14 +99,18 @@ class Hardware:
         # Compile now, or load from the cache, so that this does not count as simulation time.
         self._advance(0, NOTHING, NOTHING)
 
+    @property
+    def timers_written(self) -> bool:
+        """Whether the firmware has written something new to its timers."""
+        return bool(self._registers[self._timer_words].tobytes() != self._timers_followed)
+
     def _adopt_timers(self) -> bool:
         """Adopt the periods that the firmware has written to its timers. Returns whether one has
         changed."""
         m, words, timing = self.controller.map, self._registers, self._timing
-        raw = words[self._timer_words].tobytes()
-        if raw == self._timers_followed:
+        if not self.timers_written:
             return False
-        self._timers_followed = raw
+        self._timers_followed = words[self._timer_words].tobytes()
         counts = int(words[self.controller.port.leg[0] + m.tbprd]) + 1
         ticks = int(words[TIMER_PERIOD]) + (int(words[TIMER_PERIOD + 1]) << 16) + 1
         if ticks == RESET_TICKS:

@@ -38,6 +38,26 @@ class Clock(Protocol):
         """Metadata with the wall-clock time of time 0, if `tick` is at `time_s`."""
 
 
+def growing_file(path: Path) -> Path:
+    """The file that a recording with this path is written into."""
+    return path if path.suffix == ".csv" else path.with_name(path.name + PART)
+
+
+def refuse_unfinished(path: Path) -> None:
+    """Raise RecordingError rather than overwrite a recording that was not closed."""
+    growing = growing_file(path)
+    left = growing.exists()
+    if left and growing == path:
+        left = False
+        with suppress(OSError, ValueError, AttributeError):
+            header = json.loads(beside(path)[0].read_text(encoding="utf-8"))
+            left = False in (header.get("closed"), header.get("meta", {}).get("closed"))
+    if left:
+        raise RecordingError(
+            f"{growing}: a recording that was not closed is there: move or delete it"
+        )
+
+
 class Writer:
     """A recording that grows on the disk. path: the recording; growing: the file that is written
     now (the journal, or the .csv); stream: its channels, rate and metadata."""
@@ -53,14 +73,14 @@ class Writer:
         self.path = check_output(path)
         self.stream = replace(stream, meta={STARTED: clock_text(time.time()), **stream.meta})
         self._clock = clock
-        self._csv = self.path.suffix == ".csv"
-        self.growing = self.path if self._csv else self.path.with_name(self.path.name + PART)
+        self.growing = growing_file(self.path)
+        self._csv = self.growing == self.path
         self._counters = dict(journal.COUNTERS)
         self._first: int | None = None
         self._last: int | None = None
         self._since_first = 0
         self._gaps = self._lost = 0
-        self._refuse_unfinished()
+        refuse_unfinished(self.path)
         try:
             self._file = self.growing.open("w+b" if self._csv else "x+b", buffering=0)
         except OSError as error:
@@ -79,19 +99,6 @@ class Writer:
             for path in beside(self.growing):
                 path.unlink(missing_ok=True)
             raise
-
-    def _refuse_unfinished(self) -> None:
-        """Raise RecordingError rather than overwrite a recording that was not closed."""
-        left = self.growing.exists()
-        if left and self._csv:
-            left = False
-            with suppress(OSError, ValueError, AttributeError):
-                header = json.loads(beside(self.path)[0].read_text(encoding="utf-8"))
-                left = False in (header.get("closed"), header.get("meta", {}).get("closed"))
-        if left:
-            raise RecordingError(
-                f"{self.growing}: a recording that was not closed is there: move or delete it"
-            )
 
     def __enter__(self) -> Writer:
         return self

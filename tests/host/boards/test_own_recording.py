@@ -23,9 +23,9 @@ def turns(made: VirtualBoard, own: OwnRecording | None, seconds: float) -> int:
     """Let the time pass as `serve` does. Returns the largest number of rows held in memory."""
     rows = 0
     for _ in range(round(seconds / STEP_S)):
-        made.run(STEP_S, True)
         if own:
             own.keep()
+        made.run(STEP_S, True)
         rows = max(rows, len(made.sim._samples.plant._data))
     return rows
 
@@ -58,22 +58,39 @@ def test_it_is_what_one_recording_of_all_would_be(tmp_path, suffix):
     assert most <= 2 * (PART_S + 2 * STEP_S) * found.rate_Hz
 
 
-def test_another_rate_of_the_interrupts_begins_it_anew(tmp_path):
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_another_rate_of_the_interrupts_goes_on_in_another_file(tmp_path, suffix):
+    """The first one was overwritten."""
     made = VirtualBoard(setups.load("paper-b"))
-    own = OwnRecording(made.sim, tmp_path / "own.csv")
-    turns(made, own, 0.5)
+    said = []
+    own = OwnRecording(made.sim, tmp_path / f"own{suffix}", said.append)
     rate_Hz = made.sim.samples_per_period / made.sim.period_s
-    made.controller.set("f_isr_Hz", 0.5 * float(made.controller.get("f_isr_Hz")))
-    turns(made, own, 0.5)
+    for factor in (1.0, 0.5, 2.0):
+        made.controller.set("f_isr_Hz", factor * float(made.controller.get("f_isr_Hz")))
+        turns(made, own, 0.5)
     own.close()
-    found = Recording.load(own.path)
-    assert found.rate_Hz == pytest.approx(0.5 * rate_Hz, rel=1e-6)
-    assert found.start_s + len(found) / found.rate_Hz == pytest.approx(1.0, abs=1e-3)
+    assert own.paths == [tmp_path / f"own{name}{suffix}" for name in ("", "-2", "-3")]
+    assert said == [f"f_isr_Hz has changed: the recording goes on in {p}" for p in own.paths[1:]]
+    begins_s = 0.0
+    for path, share in zip(own.paths, (1.0, 0.5, 1.0)):
+        found = Recording.load(path)
+        assert found.rate_Hz == pytest.approx(share * rate_Hz, rel=1e-6)
+        assert found.start_s == pytest.approx(begins_s, abs=1e-3)
+        begins_s = found.start_s + len(found) / found.rate_Hz
+        assert found.meta["ended"] == ("user" if path == own.paths[-1] else "f_isr_Hz has changed")
+    assert begins_s == pytest.approx(1.5, abs=1e-3)
+
+
+def test_a_recording_that_was_not_closed_is_refused_before_the_board_begins(tmp_path):
+    (tmp_path / "own.npz.part").write_bytes(b"left by a killed board")
+    with pytest.raises(RecordingError, match=r"own\.npz\.part: a recording that was not closed"):
+        OwnRecording(board().sim, tmp_path / "own.npz")
 
 
 def test_a_full_disk_ends_the_recording_and_not_the_board(tmp_path, monkeypatch):
     made = board()
-    own = OwnRecording(made.sim, tmp_path / "own.csv")
+    said = []
+    own = OwnRecording(made.sim, tmp_path / "own.csv", said.append)
     turns(made, own, 0.3)
 
     def full(*_):
@@ -82,6 +99,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_board(tmp_path, monkeypatch)
     monkeypatch.setattr(Writer, "append", full)
     turns(made, own, 0.5)
     assert made.sim.time_s == pytest.approx(0.8)
+    assert said == ["the recording ends: own.csv: No space left on device"]  # at once
     with pytest.raises(RecordingError, match="No space left"):
         own.close()
     kept = Recording.load(own.path)

@@ -42,7 +42,8 @@ def monitor(port, no_browser, output, device, baud) -> int:
         with server:
             thread = threading.Thread(target=server.serve_forever, daemon=True)
             thread.start()
-            print(f"{drive.hello.device} at {drive.client.url}; Ctrl-C ends and stops the drive")
+            where = f"{drive.hello.device} at {drive.client.url}"
+            print(f"{where}; Ctrl-C ends this, and a drive that was started here")
             print(server.url, flush=True)
             if not no_browser:
                 _browse(server.url)

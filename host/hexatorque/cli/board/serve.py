@@ -111,6 +111,7 @@ def serve(
         for phase, kind, after_s in breaks:
             board.sim.break_leg(phase, kind, after_s)
         announcement = runtime.Announcement(line.port, board.title, board.controller.baud)
+        own = None if record is None else OwnRecording(board.sim, record, _tell)
         try:
             if as_json:
                 facts = {"port": line.port, "baud": board.controller.baud, "title": board.title,
@@ -125,16 +126,19 @@ def serve(
                 if port is not None:
                     said += f"\nXCP: TCP and UDP port {port.number}"
             print(said, flush=True)
-            own = None if record is None else OwnRecording(board.sim, record)
             serve_board(board, line, until=lambda: bool(ended), record=own, xcp=port)
         finally:
             announcement.close()
         if own is not None:
             if own.seconds > LONG_S:
-                print(f"writing {own.seconds:.0f} s to {record}", file=sys.stderr)
+                _tell(f"writing {own.seconds:.0f} s to {record}")
             own.close()
-            print(f"recording: {record}", file=sys.stderr)
+            _tell(f"recording: {', '.join(map(str, own.paths))}")
     return 0
+
+
+def _tell(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 def _make(name, settings, load, machine, baud, fast, store):
