@@ -413,6 +413,7 @@ static void begin_run(ht_drive *d, float omega_rad_s)
 {
     d->flux_ramp_Wb = d->flux_ref_Wb;
     d->omega_mean_rad_s = omega_rad_s;
+    d->protect.estimated_rpm = d->speed_rpm; /* there was no slip */
     d->flux_lowered = 0u;
     d->flux_unknown = 0.0f;
     ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
