@@ -54,7 +54,7 @@ OPTIONS = ["-mexec-model=reactor", "-Os", *EXACT, "-s", "-Wl,-z,stack-size=26214
 #: Largest size of the page as a server sends it.
 MOST_BYTES = 150_000
 #: What the page of `make web` and of the site holds.
-SETUPS = ("paper-b", "paper-a", "small-2kw", "symmetrical")
+SETUPS = ("paper-b", "paper-a", "symmetrical")
 #: Room for the name of a register (HT_REGFILE_LINE).
 LINE = 64
 #: Edges of a contact that opens, as many as ht_web.c has room for.

@@ -556,7 +556,8 @@ static float caught_Wb(const ht_drive *d, float omega_rad_s)
     const ht_control_config *c = &d->config->control;
     ht_ab i = d->control.observer.i_A;
     float most_Wb = d->config->params.v[HT_P_flux_ref_Wb];
-    float step_Wb = most_Wb / (float)(d->build_ticks + 1u);
+    uint32_t steps = d->build_ticks + 1u;
+    float step_Wb = most_Wb / (float)steps;
     float turned_V = fabsf(omega_rad_s) * most_Wb;
     float flux_Wb = d->flux_ref_Wb;
     float reach_pu = d->config->flux.reach_pu; /* the scheme must hold it */

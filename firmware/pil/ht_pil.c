@@ -49,13 +49,22 @@ static uint16_t init(ht_pil *p, ht_reader *request)
     ht_params params;
     ht_result result;
     uint16_t device = ht_read8(request);
+    uint16_t flags = 0u;
     uint16_t id;
     p->ready = false;
     (void)memset(&p->drive, 0, sizeof p->drive); /* as after a reset */
     (void)memset(&p->port, 0, sizeof p->port);
     (void)memset(p->told, 0, sizeof p->told);
+    /* For every eight parameters an octet says which of them follow. The others have their defaults:
+     * all of them would not fit into a frame. */
+    ht_params_default(&params);
     for (id = 0u; id < (uint16_t)HT_PARAMS; id++) {
-        params.v[id] = ht_read_float(request);
+        if ((id % 8u) == 0u) {
+            flags = ht_read8(request);
+        }
+        if (((flags >> (id % 8u)) & 1u) != 0u) {
+            params.v[id] = ht_read_float(request);
+        }
     }
     if (!ht_side_init(&p->side, &p->port, device, request)) {
         return HT_PIL_REFUSED;

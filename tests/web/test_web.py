@@ -337,8 +337,8 @@ def reloaded(page, expression):
 
 @needs_chromium
 def test_another_setup_and_one_that_is_not_there(page):
-    page.choose("#plant-setup", "small-2kw")
-    reloaded(page, "document.querySelector('#device')?.textContent.startsWith('small-2kw')")
+    page.choose("#plant-setup", "symmetrical")
+    reloaded(page, "document.querySelector('#device')?.textContent.startsWith('symmetrical')")
     page.js("(() => { location.hash = 'nobody'; location.reload(); })()")
     reloaded(
         page, "document.querySelector('#alarm')?.textContent.startsWith('no set-up nobody: choose')"

@@ -1,5 +1,6 @@
 #include "ht_pil_host.h"
 #include "ht_board_of_device.h"
+#include "ht_octets.h"
 #include "ht_pil_pipe.h"
 #include "ht_snapshot.h"
 
@@ -414,10 +415,28 @@ void ht_link_hello(ht_link *l, ht_pil_identity *identity)
     }
 }
 
+/* Those that differ from their defaults. */
+static void add_parameters(ht_packet *request, const ht_params *p)
+{
+    ht_params defaults;
+    uint16_t flags_at = 0u;
+    uint16_t id;
+    ht_params_default(&defaults);
+    for (id = 0u; id < (uint16_t)HT_PARAMS; id++) {
+        if ((id % 8u) == 0u) {
+            flags_at = request->n;
+            ht_packet_add8(request, 0u);
+        }
+        if (ht_float_bits(p->v[id]) != ht_float_bits(defaults.v[id])) {
+            request->octet[flags_at] |= (uint16_t)(1u << (id % 8u));
+            ht_packet_add_float(request, p->v[id]);
+        }
+    }
+}
+
 void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
 {
     const ht_board *board = ht_board_of_device(device);
-    uint16_t id;
     ht_regfile_reset(&l->registers, board->map);
     ht_mirror_init(&l->mirror, &l->registers, board->map);
     begin_log(&l->log, &l->mirror);
@@ -428,9 +447,7 @@ void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
     }
     begin(l, HT_OP_PIL_INIT);
     ht_packet_add8(&l->request, device);
-    for (id = 0u; id < (uint16_t)HT_PARAMS; id++) {
-        ht_packet_add_float(&l->request, p->v[id]);
-    }
+    add_parameters(&l->request, p);
     if (l->calls != 0u) {
         ht_pil_hardware hardware;
         hardware.pwm_clock_Hz = ht_port_pwm_clock_Hz(&l->port);

@@ -23,9 +23,8 @@ def frame(opcode, number=1, payload=b""):
 
 
 def init():
-    """INIT of device 0 with the parameters' defaults."""
-    rows = sorted(firmware.parameters().values(), key=lambda row: row.id)
-    return bytes(1) + struct.pack(f"<{len(rows)}f", *(row.initial for row in rows))
+    """INIT of device 0. All parameters have their defaults, so no octet says that one follows."""
+    return bytes(1) + bytes(-(-len(firmware.parameters()) // 8))
 
 
 class TargetLine:
