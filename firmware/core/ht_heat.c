@@ -49,12 +49,12 @@ static void step(const ht_heat_config *cfg, ht_heat_state *st)
 
 void ht_heat_step(const ht_heat_config *cfg, ht_heat_state *st, bool powered, float frame_W)
 {
-    int leg;
     if (!(cfg->steps > 0.0f)) {
         cool(st);
         return;
     }
     if (powered) {
+        int leg;
         for (leg = 0; leg < HT_LEGS; leg++) {
             st->sum_A2[leg] += st->square_A2[leg];
         }
