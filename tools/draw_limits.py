@@ -1,5 +1,5 @@
-"""Draw two pictures of docs/protection.md: what the limits of the dc link change in
-examples/brake.toml and examples/dip.toml.
+"""Draw three pictures of docs/protection.md: what the limits of the dc link change in
+examples/brake.toml and examples/dip.toml, and how examples/flying.toml catches its shaft.
 
 `python tools/draw_limits.py [FOLDER]`
 """
@@ -48,9 +48,35 @@ def draw(name: str, folder: Path) -> None:
     save(figure, folder / f"limits-{name}.png")
 
 
+def draw_flying(folder: Path) -> None:
+    example = hexatorque.load(ROOT / "examples/flying.toml")
+    sim = SimulatedDrive(example, samples_per_period=1)
+    sim.run_profile(example.profile)
+    rec = sim.take()
+    part = slice(int(1.9 * rec.rate_Hz), int(2.9 * rec.rate_Hz))
+    time_s = np.arange(len(rec["vdc_V"]))[part] / rec.rate_Hz
+
+    def flux_Wb(of: str) -> np.ndarray:
+        return np.hypot(rec[f"{of}psi_alpha_Wb"], rec[f"{of}psi_beta_Wb"])[part]
+
+    figure, (axes,) = new_figure(1, 3, 4.0)
+    axes[0].plot(time_s, flux_Wb("plant."), color="#d9dde3", linewidth=4, label="of the machine")
+    axes[0].plot(time_s, flux_Wb(""), color="#d55e00", linewidth=1.2, label="as the drive knows it")
+    axes[0].set_ylim(bottom=0.0)
+    axes[0].legend(**LEGEND, loc="best")
+    axes[1].plot(time_s, rec["plant.i_u1_A"][part], color="#0072b2", linewidth=0.8)
+    axes[2].plot(time_s, rec["plant.speed_rpm"][part], color="#d55e00")
+    for ax, label in zip(axes, ("flux, Wb", "current of u1, A", "speed, r/min"), strict=True):
+        ax.set_ylabel(label, **LABEL)
+        ax.set_xlabel("time, s", **LABEL)
+    axes[0].set_title(example.title, **TITLE)
+    save(figure, folder / "flying.png")
+
+
 def main(folder: Path) -> None:
     for name in EXAMPLES:
         draw(name, folder)
+    draw_flying(folder)
 
 
 if __name__ == "__main__":

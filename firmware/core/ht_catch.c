@@ -10,8 +10,8 @@
 /* Largest step, units of Vdc Ts: what the modulator makes in every direction. */
 #define CATCH_MOST_PU 0.55f
 
-/* The pull is this over the time since the beginning: what there is of the current model's error then falls
- * with the fourth power of time while the flux turns slowly, and at once as soon as it turns faster. */
+/* The pull is this over the time since the beginning. The current model's error then falls with the fourth
+ * power of time while the flux turns slowly, and at once as soon as it turns faster. */
 #define CATCH_PULL 4.0f
 
 void ht_catch_begin(ht_catch_state *st, ht_ab psi_Wb)

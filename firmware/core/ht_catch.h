@@ -5,10 +5,9 @@
  *  Without slip the flux stands still as the rotor sees it. So its reference has a direction that turns
  *  with the shaft: that of the flux which is left, or any, if there is none.
  *
- *  At first the flux that is controlled is the current model's. Its rotor flux may be wrong by D, and the
- *  current is all the same what this model wants; under a stator flux by the voltage it would be off by
- *  D / (sigma L_s). Then the voltage model takes over by and by, which knows better at speed, while the
- *  rotor's flux comes to where it is wanted.
+ *  At first the current model's flux is controlled. An error D of its rotor flux then changes no current.
+ *  With the voltage model's flux it would change the current by D / (sigma L_s). The voltage model, which
+ *  is better at speed, takes over by and by, while the rotor's flux comes to its reference.
  */
 #ifndef HT_CATCH_H
 #define HT_CATCH_H

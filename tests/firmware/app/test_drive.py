@@ -1647,6 +1647,29 @@ def test_field_weakening_leaves_the_voltage_that_the_current_takes(bench, angle_
     assert drive.flux_ref_Wb == pytest.approx(wanted, abs=off)
 
 
+# --- a shaft that is caught ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("share", "check_rpm", "found"), [(1.4, 150, 0), (1.6, 150, 1), (9, 0, 0)])
+@pytest.mark.parametrize("sign", (1, -1))
+def test_current_across_the_flux_of_a_caught_shaft_is_an_encoder_fault(
+    bench, sign, share, check_rpm, found
+):
+    """Without slip there is none. share: of the no-load current."""
+    bench.controller.set("encoder_trip_rpm", check_rpm)
+    bench.run_to("build")
+    drive, cfg = bench.drive, bench.drive.config.protect
+    drive.catches = 1
+    across_A = sign * share * cfg.no_load_A
+    leak_Wb = cfg.sigma * cfg.ls_H * across_A
+    observer = drive.control.observer
+    for _ in range(2000):  # the low pass follows
+        drive.control.estimate.psi_Wb = observer.psi_Wb = [0.6, leak_Wb]
+        observer.i_A = [0.0, across_A]
+        bench.slow()
+    assert drive.slow_faults == found * lib.HT_FAULT_ENCODER
+
+
 # --- no fast interrupt any more -----------------------------------------------------------
 
 
