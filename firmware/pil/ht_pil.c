@@ -62,7 +62,7 @@ static uint16_t init(ht_pil *p, ht_reader *request)
         if ((id % 8u) == 0u) {
             flags = ht_read8(request);
         }
-        if (((flags >> (id % 8u)) & 1u) != 0u) {
+        if (((uint16_t)(flags >> (id % 8u)) & 1u) != 0u) {
             params.v[id] = ht_read_float(request);
         }
     }
