@@ -1,6 +1,7 @@
 #include "ht_angle.h"
 #include "ht_drive_inside.h"
 #include "ht_limited.h"
+#include "ht_vsd.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -103,7 +104,8 @@ static void keep(ht_drive *d, uint16_t state, uint32_t bits)
 
 uint16_t ht_drive_warnings(const ht_drive *d)
 {
-    return (uint16_t)(d->warnings | d->heat_warnings);
+    unsigned shorted = (d->short_circuit.on != 0u) ? (unsigned)HT_WARNING_SHORT_CIRCUIT : 0u;
+    return (uint16_t)(d->warnings | d->heat_warnings | shorted);
 }
 
 /* What a comparator has found since the gates went on, fault bits. */
@@ -143,12 +145,25 @@ void ht_drive_trip(ht_drive *d, uint32_t bits)
     fault(d, bits);
 }
 
+/* Gates off from outside the fast interrupt. The latches hold a short circuit without code, and it stays. */
+static void take_gates_off(const ht_drive *d)
+{
+    if (d->short_circuit.on == 0u) {
+        ht_port_gates_off(d->port);
+    }
+}
+
+void ht_drive_interrupt_lost(ht_drive *d)
+{
+    take_gates_off(d);
+}
+
 void ht_drive_stand_in(ht_drive *d, uint32_t bits)
 {
     const ht_drive_config *staged = d->staged;
     uint16_t state = d->state;
     d->state = (uint16_t)HT_STATE_FAULT; /* first, as in ht_drive_stop */
-    ht_port_gates_off(d->port);
+    take_gates_off(d);
     if (staged != NULL) {
         d->config = staged;
         d->taken_tick = d->tick;
@@ -299,6 +314,42 @@ HT_SELDOM static void coast(ht_drive *d)
     }
 }
 
+/* Faults after which the gates stay off: a switch may have failed, and the lower ones would complete its
+ * short circuit. */
+#define NO_SHORT_CIRCUIT ((uint32_t)HT_FAULT_OVERCURRENT | (uint32_t)HT_FAULT_EXTERNAL)
+
+/* Magnets that need the short circuit as trip state, or may. */
+HT_SELDOM static void hold(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    ht_short_circuit_input in;
+    in.i_A = ht_vsd_turned(c->control.observer.winding, ht_vsd_from_six(&d->in.i_A)).ab;
+    in.vdc_V = d->in.vdc_V;
+    in.omega_rad_s = d->speed_rpm / c->protect.rpm_per_rad_s;
+    in.encoder_doubtful = (d->faults & (uint32_t)HT_FAULT_ENCODER) != 0u;
+    if ((d->short_circuit.on != 0u) && ht_short_circuit_beyond(&c->short_circuit, in.i_A)) {
+        fault(d, HT_FAULT_OVERCURRENT);
+    }
+    in.forbidden = ((d->faults & NO_SHORT_CIRCUIT) != 0u) || ht_port_trip_pin_low(d->port);
+    if (ht_short_circuit_step(&c->short_circuit, &d->short_circuit, &in)) {
+        ht_port_short_circuit(d->port);
+        d->off_ticks = 0u; /* currents flow */
+    } else {
+        ht_port_gates_off(d->port);
+    }
+}
+
+/* One period in a state without control: no latch may stay released. */
+static void stay_off(ht_drive *d)
+{
+    if (d->config->short_circuit.allowed) {
+        hold(d);
+    } else {
+        ht_port_gates_off(d->port);
+    }
+    coast(d);
+}
+
 /* Less than this share of the flux reference is no flux to take over. */
 #define LEFT_OVER 0.05f
 
@@ -376,6 +427,7 @@ static void calibrate(ht_drive *d)
     ht_ramp_reset(&d->ramp, d->speed_rpm);
     d->motion = (uint16_t)HT_MOTION_FOLLOW;
     d->off_ticks = 0u;
+    ht_short_circuit_ends(&d->short_circuit);
     ht_set_difference_begin(&d->sets);
     d->torque_ref_Nm = 0.0f;
     d->vdc_acts = 0u;
@@ -692,8 +744,7 @@ void ht_drive_fast_isr(ht_drive *d)
     case HT_STATE_IDLE: /* no tick: a start that this interrupt comes into would lose it */
     case HT_STATE_FAULT:
     default:
-        ht_port_gates_off(d->port); /* in these states no latch may stay released */
-        coast(d);
+        stay_off(d);
         break;
     }
     ht_port_ack_fast(d->port);
@@ -723,6 +774,9 @@ ht_result ht_drive_start(ht_drive *d)
     if ((d->state != (uint16_t)HT_STATE_IDLE) || (d->faults != 0u)) {
         return HT_ERROR_STATE; /* a fault that a stop overtook must be cleared first */
     }
+    if (d->short_circuit.on != 0u) {
+        return HT_ERROR_SHORT_CIRCUIT;
+    }
     if (!finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm]) && !can_catch(d)) {
         return HT_ERROR_TURNING;
     }
@@ -749,7 +803,7 @@ void ht_drive_stop(ht_drive *d)
     if (d->state != (uint16_t)HT_STATE_FAULT) {
         d->state = (uint16_t)HT_STATE_IDLE;
     }
-    ht_port_gates_off(d->port);
+    take_gates_off(d);
 }
 
 ht_result ht_drive_clear(ht_drive *d)

@@ -139,9 +139,10 @@ typedef struct {
     ht_alignment_state rotor;       /**< with magnets: the angle of the d axis, and its alignment */
     ht_least_loss_state least_loss; /**< the flux in RUN */
     float along_A;                  /**< current along the flux at the last slow interrupt */
-    ht_snapshot snapshot;           /**< of the latest fault; a clear keeps it */
-    ht_params params;               /**< the latest that were accepted */
-    ht_drive_config configs[2];     /**< the one in force and the next */
+    ht_short_circuit_state short_circuit;
+    ht_snapshot snapshot;       /**< of the latest fault; a clear keeps it */
+    ht_params params;           /**< the latest that were accepted */
+    ht_drive_config configs[2]; /**< the one in force and the next */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. No interrupt
@@ -170,7 +171,9 @@ ht_result ht_drive_clear(ht_drive *d);
 /** Take the gates off and latch `bits`, for a fault that other code finds within the fast
  *  interrupt. */
 void ht_drive_trip(ht_drive *d, uint32_t bits);
-/** The same from outside the fast interrupt, if none is expected any more, or none yet. If one
+/** For a timer that finds no fast interrupt any more: gates off, but a short circuit stays. */
+void ht_drive_interrupt_lost(ht_drive *d);
+/** The same as a trip from outside the fast interrupt, if none is expected any more, or none yet. If one
  *  comes all the same, it finds the drive in FAULT. Also takes over parameters that wait for a fast
  *  interrupt. */
 void ht_drive_stand_in(ht_drive *d, uint32_t bits);

@@ -471,6 +471,10 @@ void ht_drive_slow_isr(ht_drive *d)
     forget_trips(d, c->params.v);
     measure_speed(d, c);
     follow_heat(d, c);
+    if (c->short_circuit.allowed) {
+        ht_short_circuit_follow(&c->short_circuit, &d->short_circuit,
+                                d->speed_rpm / c->protect.rpm_per_rad_s);
+    }
     if (d->state == (uint16_t)HT_STATE_RUN) {
         faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
         d->slow_faults = faults | too_hot(d);

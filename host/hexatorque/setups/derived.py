@@ -500,6 +500,8 @@ def _jump_rpm(k: Known) -> float:
 
 def _magnet_speed_trip_rpm(k: Known) -> float:
     wanted = max(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 1.2 * k.asked_rpm)
+    if k["trip_state"] == "short-circuit":
+        return min(wanted, 9e4)
     return min(wanted, BELOW_CEILING * k.machine.ceiling_rpm(k.vdc_V), 9e4)
 
 
@@ -547,7 +549,7 @@ OPEN_MAGNET: dict[str, Rule] = {
     ),
     "speed_trip_rpm": Rule(
         "as of an induction machine, but at most 98 % of the speed at which the magnets induce Vdc "
-        "between two terminals",
+        "between two terminals, unless trip_state is short-circuit",
         _magnet_speed_trip_rpm,
     ),
 }
