@@ -104,8 +104,8 @@ bool ht_short_circuit_step(const ht_short_circuit_config *cfg, ht_short_circuit_
     } else {
         slow = !(omega > BEGINS * ceiling) && !(st->fast_rad_s > BEGINS * ceiling);
     }
-    if (in->forbidden) {
-        st->barred = 1u;
+    if (in->forbidden || (slow && (st->on != 0u) && in->encoder_doubtful)) {
+        st->barred = 1u; /* nor does a doubtful encoder begin it again */
     } else if (omega < ENDS * ceiling) {
         st->barred = 0u;
     } else {

@@ -271,7 +271,8 @@ class DriveVerbs(ABC):
 
     def _why_so_low(self) -> str:
         """Magnets may be why the speed trip is no higher."""
-        if (self.get("machine"), self.get("trip_state")) != ("magnet", "gates-off"):
+        wanted = {"machine": "magnet", "trip_state": "gates-off"}
+        if any(n not in self.params or self.get(n) != value for n, value in wanted.items()):
             return ""
         return ": above it the magnets would rectify without gates, unless trip_state permits it"
 
