@@ -314,6 +314,12 @@ HT_SELDOM static void coast(ht_drive *d)
     }
 }
 
+/* Electrical speed of the rotor, as measured. */
+static float omega_rad_s(const ht_drive *d)
+{
+    return d->speed_rpm / d->config->protect.rpm_per_rad_s;
+}
+
 /* Faults after which the gates stay off: a switch may have failed, and the lower ones would complete its
  * short circuit. */
 #define NO_SHORT_CIRCUIT ((uint32_t)HT_FAULT_OVERCURRENT | (uint32_t)HT_FAULT_EXTERNAL)
@@ -325,7 +331,7 @@ HT_SELDOM static void hold(ht_drive *d)
     ht_short_circuit_input in;
     in.i_A = ht_vsd_turned(c->control.observer.winding, ht_vsd_from_six(&d->in.i_A)).ab;
     in.vdc_V = d->in.vdc_V;
-    in.omega_rad_s = d->speed_rpm / c->protect.rpm_per_rad_s;
+    in.omega_rad_s = omega_rad_s(d);
     in.encoder_doubtful = (d->faults & (uint32_t)HT_FAULT_ENCODER) != 0u;
     if ((d->short_circuit.on != 0u) && ht_short_circuit_beyond(&c->short_circuit, in.i_A)) {
         fault(d, HT_FAULT_OVERCURRENT);
@@ -353,12 +359,46 @@ static void stay_off(ht_drive *d)
 /* Less than this share of the flux reference is no flux to take over. */
 #define LEFT_OVER 0.05f
 
+/* Magnets whose angle is known, at a speed at which they make a current to judge it by, and no more voltage
+ * than the link has. */
+static bool can_catch_rotor(const ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    const ht_observer_config *m = &c->control.observer;
+    float omega = fabsf(omega_rad_s(d));
+    float most = HT_CLEAR_OF_CEILING
+                 * ht_short_circuit_ceiling_rad_s(&c->short_circuit, d->in.vdc_V);
+    return (c->alignment.known || (d->flux_unknown < HT_FLUX_KNOWN)) && (omega < most)
+           && (omega
+               > ht_rotor_catch_least_rad_s(&m->magnet, m->rs_ohm, c->params.v[HT_P_i_trip_A]));
+}
+
 /* Could a shaft be caught that turns? Its flux must be known, and the drive whole. */
 static bool can_catch(const ht_drive *d)
 {
     const float *v = d->params.v;
-    return (v[HT_P_machine] == 0.0f) && (v[HT_P_lost_legs] == 0.0f) && (v[HT_P_start_mode] == 0.0f)
-           && (d->flux_unknown < HT_FLUX_KNOWN);
+    bool known = (v[HT_P_machine] != 0.0f) ? can_catch_rotor(d) : (d->flux_unknown < HT_FLUX_KNOWN);
+    return known && (v[HT_P_lost_legs] == 0.0f) && (v[HT_P_start_mode] == 0.0f);
+}
+
+/* The same where the rotor has magnets: a standing one is aligned. */
+HT_SELDOM static void begin_rotor(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    const float *v = c->params.v;
+    float counts = d->speed_rpm * v[HT_P_encoder_counts_rev] / (60.0f * v[HT_P_f_isr_Hz]);
+    bool turns = !finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
+    d->catches = 0u;
+    ht_control_reset(&c->control, &d->control, &d->in.i_A);
+    if (turns && can_catch(d)) {
+        d->catches = 1u;
+        d->protect.counts_quick = counts; /* the shaft has not just begun to turn */
+        d->protect.counts_slow = counts;
+        ht_rotor_catch_begin(&d->rotor_catch);
+    }
+    if ((d->catches == 0u) || c->alignment.known) {
+        d->rotor.electrical = known_angle(d);
+    }
 }
 
 /* Begin the build-up: from nothing at standstill, or with what the machine has. */
@@ -368,7 +408,12 @@ static void begin_flux(ht_drive *d)
     ht_ab psi = d->control.observer.psi_Wb;
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     float least_Wb = LEFT_OVER * v[HT_P_flux_ref_Wb];
-    bool moves = (psi2 > least_Wb * least_Wb) || !finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
+    bool moves;
+    if (d->config->control.observer.magnets) {
+        begin_rotor(d);
+        return;
+    }
+    moves = (psi2 > least_Wb * least_Wb) || !finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
     d->catches = 0u;
     if (moves && can_catch(d)) {
         d->catches = 1u;
@@ -433,7 +478,6 @@ static void calibrate(ht_drive *d)
     d->vdc_acts = 0u;
     d->vdc_from_rpm = 0.0f;
     d->limits = 0u;
-    d->rotor.electrical = known_angle(d);
     (void)go_on_without(d, (uint16_t)d->config->params.v[HT_P_lost_legs]);
     if (d->config->params.v[HT_P_start_mode] != 0.0f) {
         ht_excitation_reset(&d->excitation, d->samples.position);
@@ -461,10 +505,10 @@ static bool gates_refused(ht_drive *d)
 }
 
 /* The flux is there: torque control begins. */
-static void begin_run(ht_drive *d, float omega_rad_s)
+static void begin_run(ht_drive *d, float omega)
 {
     d->flux_ramp_Wb = d->flux_ref_Wb;
-    d->omega_mean_rad_s = omega_rad_s;
+    d->omega_mean_rad_s = omega;
     d->protect.estimated_rpm = d->speed_rpm; /* there was no slip */
     d->flux_lowered = 0u;
     d->flux_unknown = 0.0f;
@@ -553,6 +597,7 @@ HT_SELDOM static void begin_run_with_magnets(ht_drive *d)
                       d->in.axis);
     d->control.estimate.psi_Wb = d->control.observer.psi_Wb;
     ht_drive_set_flux_ref(d, c->control.observer.magnet.psi_f_Wb);
+    d->flux_unknown = 0.0f;
     ht_drive_enter(d, HT_STATE_RUN);
 }
 
@@ -597,20 +642,74 @@ HT_SELDOM static void align(ht_drive *d)
     protect_after(d);
 }
 
+/* The turning rotor is where it is believed to be. Control begins in this period, without torque: with the
+ * flux of the magnets, or what the voltage turns of it. */
+static void begin_run_caught(ht_drive *d, float omega)
+{
+    const ht_drive_config *c = d->config;
+    float flux_Wb = c->control.observer.magnet.psi_f_Wb;
+    float most_V = c->flux.reach_pu * d->in.vdc_V;
+    ht_ab i = ht_vsd_turned(c->control.observer.winding, ht_vsd_from_six(&d->in.i_A)).ab;
+    ht_compare out;
+    ht_control_reset(&c->control, &d->control, &d->in.i_A);
+    ht_observer_align(&c->control.observer, &d->control.observer, i, d->in.axis);
+    d->control.observer.omega_sync_rad_s = omega;
+    if ((fabsf(omega) * flux_Wb) > most_V) {
+        flux_Wb = most_V / fabsf(omega);
+    }
+    ht_drive_set_flux_ref(d, flux_Wb);
+    d->in.torque_ref_Nm = 0.0f;
+    ht_control_step(&c->control, &d->control, &d->in, false, &out);
+    ht_port_write(d->port, &out);
+    begin_run(d, omega);
+}
+
+/* One period of BUILD that catches a turning rotor with magnets. */
+HT_SELDOM static void catch_rotor(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    uint32_t faults = faults_in_build(d) | d->slow_faults | d->rotor_faults;
+    float omega = omega_rad_s(d);
+    ht_rotor_catch found = HT_CATCHING;
+    if (d->state_ticks > 1u) {
+        ht_ab i = ht_vsd_turned(c->control.observer.winding, ht_vsd_from_six(&d->in.i_A)).ab;
+        found = ht_rotor_catch_step(&c->control.observer, &d->rotor_catch, omega, d->in.axis, i,
+                                    c->protect.i_trip_A);
+    }
+    if (found == HT_NOT_CAUGHT) {
+        faults |= HT_FAULT_ENCODER;
+    }
+    if (faults != 0u) {
+        fault(d, faults);
+        return;
+    }
+    if (found == HT_CAUGHT) {
+        begin_run_caught(d, omega);
+    } else { /* the pattern stays: all legs low */
+        ht_compare low;
+        ht_control_low_pattern(&c->control, &low);
+        ht_port_write(d->port, &low);
+        if (gates_refused(d)) {
+            fault(d, HT_FAULT_EXTERNAL);
+        }
+    }
+    protect_after(d);
+}
+
 /* Share of the dc link's voltage that the flux of a shaft that is caught may take at most: the rest is left
  * for the current. In RUN the flux then rises to what weakening lets it have. */
 #define CATCH_PU 0.5f
 
 /* The next flux reference of a shaft that is caught. It rises as fast as at standstill, but waits while the
  * current is at its limit. */
-static float caught_Wb(const ht_drive *d, float omega_rad_s)
+static float caught_Wb(const ht_drive *d, float omega)
 {
     const ht_control_config *c = &d->config->control;
     ht_ab i = d->control.observer.i_A;
     float most_Wb = d->config->params.v[HT_P_flux_ref_Wb];
     uint32_t steps = d->build_ticks + 1u;
     float step_Wb = most_Wb / (float)steps;
-    float turned_V = fabsf(omega_rad_s) * most_Wb;
+    float turned_V = fabsf(omega) * most_Wb;
     float flux_Wb = d->flux_ref_Wb;
     float reach_pu = d->config->flux.reach_pu; /* the scheme must hold it */
     float most_V = ((reach_pu < CATCH_PU) ? reach_pu : CATCH_PU) * d->in.vdc_V;
@@ -629,20 +728,20 @@ HT_SELDOM static void catch_shaft(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
     uint32_t faults = faults_in_build(d) | d->slow_faults;
-    float omega_rad_s = d->speed_rpm / c->protect.rpm_per_rad_s;
+    float omega = omega_rad_s(d);
     ht_compare out;
     if (faults != 0u) {
         fault(d, faults);
         return;
     }
-    d->in.omega_rad_s = omega_rad_s;
-    ht_drive_set_flux_ref(d, caught_Wb(d, omega_rad_s));
+    d->in.omega_rad_s = omega;
+    ht_drive_set_flux_ref(d, caught_Wb(d, omega));
     ht_control_catch(&c->control, &d->control, &d->in, &out);
     ht_port_write(d->port, &out);
     if (gates_refused(d)) {
         fault(d, HT_FAULT_EXTERNAL);
     } else if (d->state_ticks >= d->build_ticks) {
-        begin_run(d, omega_rad_s);
+        begin_run(d, omega);
     } else {
         /* still building */
     }
@@ -725,7 +824,9 @@ void ht_drive_fast_isr(ht_drive *d)
         break;
     case HT_STATE_BUILD:
         d->state_ticks++;
-        if (d->config->control.observer.magnets) {
+        if (d->config->control.observer.magnets && (d->catches != 0u)) {
+            catch_rotor(d);
+        } else if (d->config->control.observer.magnets) {
             align(d);
         } else if (d->catches != 0u) {
             catch_shaft(d);

@@ -9,7 +9,7 @@
 /* Shares of the ceiling at which it begins and ends. Below the first the magnets' voltage with all its
  * harmonics stays under the link's by what a speed changes between two slow interrupts. */
 #define BEGINS 0.95f
-#define ENDS 0.9f
+#define ENDS HT_CLEAR_OF_CEILING
 /* Time for which the short circuit lasts at least: the current's first direct part has decayed. */
 #define HOLD_S 0.05f
 /* Time constants: of the current's frequency; of a speed that the encoder no longer shows. */
@@ -56,7 +56,7 @@ void ht_short_circuit_follow(const ht_short_circuit_config *cfg, ht_short_circui
 
 /* Speed at which the magnets induce the link's voltage. A link without a source must not keep the short
  * circuit until the shaft stands, nor a wrong sensor prevent it. */
-static float ceiling_rad_s(const ht_short_circuit_config *cfg, float vdc_V)
+float ht_short_circuit_ceiling_rad_s(const ht_short_circuit_config *cfg, float vdc_V)
 {
     return cfg->rad_s_per_V * ht_between(vdc_V, cfg->vdc_min_V, cfg->vdc_max_V);
 }
@@ -91,7 +91,7 @@ bool ht_short_circuit_beyond(const ht_short_circuit_config *cfg, ht_ab i_A)
 bool ht_short_circuit_step(const ht_short_circuit_config *cfg, ht_short_circuit_state *st,
                            const ht_short_circuit_input *in)
 {
-    float ceiling = ceiling_rad_s(cfg, in->vdc_V);
+    float ceiling = ht_short_circuit_ceiling_rad_s(cfg, in->vdc_V);
     float omega = fabsf(in->omega_rad_s);
     bool off = st->off != 0u;
     bool slow;

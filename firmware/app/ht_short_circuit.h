@@ -50,6 +50,11 @@ typedef struct {
 
 void ht_short_circuit_configure(const ht_params *p, ht_short_circuit_config *c);
 
+/** Electrical speed at which the magnets induce the link's voltage. */
+float ht_short_circuit_ceiling_rad_s(const ht_short_circuit_config *cfg, float vdc_V);
+/** Share of it up to which the gates may be off, or go on. */
+#define HT_CLEAR_OF_CEILING 0.9f
+
 void ht_short_circuit_reset(ht_short_circuit_state *st);
 
 /** In each slow interrupt, in every state. */

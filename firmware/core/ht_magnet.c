@@ -187,7 +187,19 @@ static ht_dq shorted_slope(const ht_magnet_config *m, float rs_ohm, float omega_
     return k;
 }
 
-/* Square of the largest current, from this one across the d axis on. By steps of second order. */
+/* A step of second order. */
+ht_dq ht_magnet_shorted(const ht_magnet_config *m, float rs_ohm, float omega_rad_s, float dt_s,
+                        ht_dq i_A)
+{
+    ht_dq k = shorted_slope(m, rs_ohm, omega_rad_s, i_A);
+    ht_dq half = {i_A.d + 0.5f * dt_s * k.d, i_A.q + 0.5f * dt_s * k.q};
+    k = shorted_slope(m, rs_ohm, omega_rad_s, half);
+    i_A.d += dt_s * k.d;
+    i_A.q += dt_s * k.q;
+    return i_A;
+}
+
+/* Square of the largest current, from this one across the d axis on. */
 static float shorted_A2(const ht_magnet_config *m, float rs_ohm, float omega_rad_s, float across_A)
 {
     float dt_s = SHORT_STEP_RAD / omega_rad_s;
@@ -198,12 +210,8 @@ static float shorted_A2(const ht_magnet_config *m, float rs_ohm, float omega_rad
         dt_s = SHORT_STEP_TIMES * m->ld_H / rs_ohm;
     }
     for (n = 0; n < SHORT_STEPS; n++) {
-        ht_dq k = shorted_slope(m, rs_ohm, omega_rad_s, i);
-        ht_dq half = {i.d + 0.5f * dt_s * k.d, i.q + 0.5f * dt_s * k.q};
         float size;
-        k = shorted_slope(m, rs_ohm, omega_rad_s, half);
-        i.d += dt_s * k.d;
-        i.q += dt_s * k.q;
+        i = ht_magnet_shorted(m, rs_ohm, omega_rad_s, dt_s, i);
         size = i.d * i.d + i.q * i.q;
         most = (size > most) ? size : most;
     }
