@@ -1,5 +1,5 @@
-"""When the short circuit of all legs begins and ends: the decision alone, fed with the currents of an
-ideal shorted machine.
+"""When the short circuit of all legs begins and ends: the decision alone, fed with the currents of
+an ideal shorted machine.
 """
 
 import numpy as np
@@ -34,7 +34,9 @@ class Case:
         self.angle += TS * (omega if real is None else real)
         i = i_A * np.exp(1j * self.angle) + dc
         told = [[i.real, i.imag], vdc_V, omega, doubtful, forbidden]
-        return lib.ht_short_circuit_step(self.cfg, self.st, ffi.new("ht_short_circuit_input *", told))
+        return lib.ht_short_circuit_step(
+            self.cfg, self.st, ffi.new("ht_short_circuit_input *", told)
+        )
 
     def begun(self, omega, **more):
         assert not self.step(omega, **more)

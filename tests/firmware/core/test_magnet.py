@@ -372,8 +372,8 @@ def test_a_known_angle_is_checked(error, result, first):
 
 
 def shorted(machine, omega, start, turns=1.0, most_step=1e-3):
-    """Exact currents along both axes after all terminals were connected: L_d i_d' = w L_q i_q - R i_d
-    and L_q i_q' = -w (L_d i_d + psi_f) - R i_q."""
+    """Exact currents along both axes after all terminals were connected:
+    L_d i_d' = w L_q i_q - R i_d and L_q i_q' = -w (L_d i_d + psi_f) - R i_q."""
     r, ld, lq, psi_f, _ = machine
 
     def slope(_, i):
@@ -407,8 +407,9 @@ def test_largest_voltage_between_two_terminals(psi_f, five, seven):
     found = lib.ht_magnet_terminal_Wb(psi_f, five, seven) / psi_f
     theta = np.linspace(0, 2 * np.pi, 721)
     # Between terminals 120 degrees apart each order that is no multiple of three has sqrt(3).
-    peaks = [
-        np.max(np.sqrt(3) * (np.cos(theta) + five * np.cos(5 * theta + a) + seven * np.cos(7 * theta + b)))
-        for a in (0, np.pi) for b in (0, np.pi)
-    ]  # fmt: skip
+    peaks = []
+    for a in (0, np.pi):
+        for b in (0, np.pi):
+            wave = np.cos(theta) + five * np.cos(5 * theta + a) + seven * np.cos(7 * theta + b)
+            peaks.append(np.sqrt(3) * wave.max())
     assert abs(max(peaks) / found - 1) < 1e-3

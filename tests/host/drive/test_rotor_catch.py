@@ -1,5 +1,5 @@
-"""A start into a turning shaft with magnets: control begins with voltages that match what they induce.
-The current of a few periods with all legs low tells whether the believed angle is right.
+"""A start into a turning shaft with magnets: control begins with voltages that match what they
+induce. The current of a few periods with all legs low tells whether the believed angle is right.
 """
 
 import numpy as np
@@ -19,8 +19,7 @@ DRIVES = [
     ("magnet-surface", "dtc3"),
     ("magnet-24v", "foc-24"),
 ]
-#: Largest current while a shaft is caught, the scheme's ripple and the judged current included, over
-#: the rated one.
+#: Largest current while a shaft is caught, over the rated one. The scheme's ripple is in it.
 MOST = 1.0
 
 
@@ -92,8 +91,8 @@ def test_with_every_latency(latency):
 @pytest.mark.parametrize("share", [-0.6, 0.06, 0.6])
 @pytest.mark.parametrize("wrong_deg", [-170.0, -90.0, -45.0, -15.0, 0.0, 15.0, 45.0, 90.0, 180.0])
 def test_a_wrong_angle_gives_no_torque(share, wrong_deg):
-    """30 degrees are allowed. Beyond, the drive trips after some periods, in which the machine brakes
-    a little by itself."""
+    """30 degrees are allowed. Beyond, the drive trips after some periods, in which the machine
+    brakes a little by itself."""
     shaft = Shaft("magnet-surface", "foc", wrong_deg).turned(share)
     _, torque = shaft.started()
     if abs(wrong_deg) < 30:

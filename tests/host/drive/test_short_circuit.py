@@ -36,7 +36,9 @@ def drive_of(name, device="f28377s", controller=firmware.Controller, **more):
     }  # fmt: skip
     setup = base.with_scheme(scheme, **(told | more))
     if "controller__speed_trip_rpm" not in more:
-        ceiling_rpm = machine.Parameters(**setup.machine_values()).ceiling_rpm(base["inverter.vdc_V"])
+        ceiling_rpm = machine.Parameters(**setup.machine_values()).ceiling_rpm(
+            base["inverter.vdc_V"]
+        )
         setup = setup.changed(controller__speed_trip_rpm=1.3 * ceiling_rpm)
     return SimulatedDrive(setup, SAMPLES, controller)
 
@@ -283,8 +285,8 @@ def test_the_encoder_need_not_work(how):
 
 
 def test_commands_while_it_lasts():
-    """STOP above the ceiling ends in it, without a fault. It is not left by STOP or CLEAR. A start, a
-    parameter that sets the PWM up again, and writing to the flash wait."""
+    """STOP above the ceiling ends in it, without a fault. It is not left by STOP or CLEAR. A start,
+    a parameter that sets the PWM up again, and writing to the flash wait."""
     controller = partial(firmware.Controller, store=firmware.MemoryStore())
     drive = running("magnet-interior", 1.15, controller=controller)
     drive.stop()
@@ -332,7 +334,7 @@ def test_a_lost_interrupt(device):
 @pytest.mark.parametrize(
     "changes, words",
     [
-        ({"controller__magnets_bear_A": 30.0}, "allowed is 61.89 A and more: the current of a short"),
+        ({"controller__magnets_bear_A": 30.0}, "allowed is 61.89 A and more: the current of a"),
         ({"controller__magnets_bear_A": 0.0}, "would demagnetise the machine"),
         ({"sensors__i_full_A": 60.0}, "the first may be 0.885 times the second at most"),
         ({"controller__trip_state": "gates-off", "controller__speed_trip_rpm": 9000.0},

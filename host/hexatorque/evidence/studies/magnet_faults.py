@@ -179,8 +179,8 @@ def below(scheme: str, setup: str, seed: int) -> Result:
 
 
 def above(scheme: str, setup: str, seed: int) -> Result:
-    """The lower switches are on within SOON periods, the current never exceeds what the firmware has
-    demanded that the magnets bear. It ends where the diodes no longer rectify."""
+    """The lower switches are on within SOON periods, the current never exceeds what the firmware
+    has demanded that the magnets bear. It ends where the diodes no longer rectify."""
     rng = np.random.default_rng(seed)
     result = Result(ABOVE, firmware.RUN, scheme, setup)
     own = _setup(setup, scheme, rng)
