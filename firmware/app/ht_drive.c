@@ -314,6 +314,12 @@ HT_SELDOM static void coast(ht_drive *d)
     }
 }
 
+/* Current in alpha-beta. */
+static ht_ab current_A(const ht_drive *d)
+{
+    return ht_vsd_turned(d->config->control.observer.winding, ht_vsd_from_six(&d->in.i_A)).ab;
+}
+
 /* Electrical speed of the rotor, as measured. */
 static float omega_rad_s(const ht_drive *d)
 {
@@ -329,7 +335,7 @@ HT_SELDOM static void hold(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
     ht_short_circuit_input in;
-    in.i_A = ht_vsd_turned(c->control.observer.winding, ht_vsd_from_six(&d->in.i_A)).ab;
+    in.i_A = current_A(d);
     in.vdc_V = d->in.vdc_V;
     in.omega_rad_s = omega_rad_s(d);
     in.encoder_doubtful = (d->faults & (uint32_t)HT_FAULT_ENCODER) != 0u;
@@ -642,58 +648,64 @@ HT_SELDOM static void align(ht_drive *d)
     protect_after(d);
 }
 
-/* The turning rotor is where it is believed to be. Control begins in this period, without torque: with the
- * flux of the magnets, or what the voltage turns of it. */
-static void begin_run_caught(ht_drive *d, float omega)
+/* The turning rotor is where it is believed to be. Control begins in this period (first_step), without torque:
+ * with the flux of the magnets, or what the voltage turns of it. */
+HT_SELDOM static void begin_run_caught(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
+    float omega = omega_rad_s(d);
     float flux_Wb = c->control.observer.magnet.psi_f_Wb;
     float most_V = c->flux.reach_pu * d->in.vdc_V;
-    ht_ab i = ht_vsd_turned(c->control.observer.winding, ht_vsd_from_six(&d->in.i_A)).ab;
-    ht_compare out;
     ht_control_reset(&c->control, &d->control, &d->in.i_A);
-    ht_observer_align(&c->control.observer, &d->control.observer, i, d->in.axis);
+    ht_observer_align(&c->control.observer, &d->control.observer, d->control.observer.i_A,
+                      d->in.axis);
     d->control.observer.omega_sync_rad_s = omega;
     if ((fabsf(omega) * flux_Wb) > most_V) {
         flux_Wb = most_V / fabsf(omega);
     }
     ht_drive_set_flux_ref(d, flux_Wb);
     d->in.torque_ref_Nm = 0.0f;
-    ht_control_step(&c->control, &d->control, &d->in, false, &out);
-    ht_port_write(d->port, &out);
     begin_run(d, omega);
 }
 
-/* One period of BUILD that catches a turning rotor with magnets. */
-HT_SELDOM static void catch_rotor(ht_drive *d)
+/* The control step of a rotor that has just been caught. In the interrupt's own function, so that it takes no
+ * more stack than a period of RUN. */
+static HT_INTO_CALLERS void first_step(ht_drive *d)
+{
+    ht_compare out;
+    ht_control_step(&d->config->control, &d->control, &d->in, false, &out);
+    ht_port_write(d->port, &out);
+    protect_after(d);
+}
+
+/* One period of BUILD that catches a turning rotor with magnets. Returns whether it is caught. */
+HT_SELDOM static bool catch_rotor(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
     uint32_t faults = faults_in_build(d) | d->slow_faults | d->rotor_faults;
-    float omega = omega_rad_s(d);
     ht_rotor_catch found = HT_CATCHING;
+    ht_compare low;
     if (d->state_ticks > 1u) {
-        ht_ab i = ht_vsd_turned(c->control.observer.winding, ht_vsd_from_six(&d->in.i_A)).ab;
-        found = ht_rotor_catch_step(&c->control.observer, &d->rotor_catch, omega, d->in.axis, i,
-                                    c->protect.i_trip_A);
+        found = ht_rotor_catch_step(&c->control.observer, &d->rotor_catch, omega_rad_s(d),
+                                    d->in.axis, current_A(d), c->protect.i_trip_A);
     }
     if (found == HT_NOT_CAUGHT) {
         faults |= HT_FAULT_ENCODER;
     }
     if (faults != 0u) {
         fault(d, faults);
-        return;
+        return false;
     }
     if (found == HT_CAUGHT) {
-        begin_run_caught(d, omega);
-    } else { /* the pattern stays: all legs low */
-        ht_compare low;
-        ht_control_low_pattern(&c->control, &low);
-        ht_port_write(d->port, &low);
-        if (gates_refused(d)) {
-            fault(d, HT_FAULT_EXTERNAL);
-        }
+        return true;
+    }
+    ht_control_low_pattern(&c->control, &low); /* the pattern stays: all legs low */
+    ht_port_write(d->port, &low);
+    if (gates_refused(d)) {
+        fault(d, HT_FAULT_EXTERNAL);
     }
     protect_after(d);
+    return false;
 }
 
 /* Share of the dc link's voltage that the flux of a shaft that is caught may take at most: the rest is left
@@ -825,7 +837,10 @@ void ht_drive_fast_isr(ht_drive *d)
     case HT_STATE_BUILD:
         d->state_ticks++;
         if (d->config->control.observer.magnets && (d->catches != 0u)) {
-            catch_rotor(d);
+            if (catch_rotor(d)) {
+                begin_run_caught(d);
+                first_step(d);
+            }
         } else if (d->config->control.observer.magnets) {
             align(d);
         } else if (d->catches != 0u) {

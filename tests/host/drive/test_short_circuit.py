@@ -310,6 +310,24 @@ def test_commands_while_it_lasts():
     assert all(state == LOW for state in drive.inverter.leg)
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_load_that_drives_an_idle_machine_beyond_its_ceiling(sign):
+    """No start has been there, so the sensors' offsets are not known either."""
+    drive = drive_of("magnet-surface")
+    ceiling_rpm = drive.machine.ceiling_rpm(drive.vdc_V)
+    peak_A = {}
+    for share in (0.9, 0.94, 1.0, 1.2):
+        for _ in range(300):
+            drive.plant_state[6] = sign * share * ceiling_rpm * np.pi / 30
+            drive.run(drive.period_s * 10)
+        rec = drive.take()
+        peak_A[share] = np.hypot(rec["plant.i_alpha_A"], rec["plant.i_beta_A"]).max()
+        assert shorted(drive) == (share >= 1.0)
+    assert peak_A[0.94] < 0.01
+    assert peak_A[1.2] < 2 * drive.machine.psi_f_Wb / drive.machine.ld_H
+    assert drive.state == IDLE and drive.gate_mistake == ""
+
+
 @pytest.mark.parametrize("device", ["f28335", "f28377s"])
 def test_a_lost_interrupt(device):
     """While the drive runs, the hardware takes the gates off: nothing without code could keep the
