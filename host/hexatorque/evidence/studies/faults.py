@@ -957,7 +957,9 @@ def study(
     tasks += [
         (name, scheme, setup, n)
         for name in magnet_faults.CASES
-        for n, (setup, scheme) in zip(range(RUNS), itertools.cycle(magnet_faults.DRIVES))
+        for n, (setup, scheme) in zip(
+            range(magnet_faults.RUNS), itertools.cycle(magnet_faults.DRIVES)
+        )
     ][::step]
     results = [Result(**found) for found in each(one, tasks, folder, progress)]
     at_the_start = {DAMAGED_SET: damaged_set, WRONG_CLOCK: wrong_clock}

@@ -44,6 +44,8 @@ DRIVES = [
     for name, machine in MACHINES.items()
 ]
 CHIPS = ("f28335", "f28377s")
+#: Runs of each case.
+RUNS = 120
 #: The trip state is reached within so many periods: gates off in that of the fault, and two more
 #: for a short circuit.
 SOON = 4
