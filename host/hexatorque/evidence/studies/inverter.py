@@ -132,7 +132,7 @@ def _belief_V(setup: setups.Setup, table: np.ndarray) -> np.ndarray:
     ffi, lib = firmware.ffi, firmware.lib
     dead_pu = setup["inverter.dead_time_us"] * 1e-6 * CLOCK_HZ / PERIOD
     dead = ffi.new("ht_dead_time *", {"dead_pu": dead_pu, "i_zero_A": setup.parameter("i_zero_A")})
-    spill = ffi.new("ht_spill *")
+    carry = ffi.new("ht_carry *")
     volts = []
     for row in table:
         rise, fall = row[RISE] / PERIOD, row[FALL] / PERIOD
@@ -141,7 +141,7 @@ def _belief_V(setup: setups.Setup, table: np.ndarray) -> np.ndarray:
         begin, end = ({"p": [row[n]] * 6} for n in (BEGIN, END))
         flows = (lib.ht_flow_of([i], dead) for i in (begin, end))
         flow = lib.ht_flow_at_edges(applied, *flows)
-        v = lib.ht_volt_seconds(applied, ffi.NULL, dead, flow, [begin], [end], spill, spill, True)
+        v = lib.ht_volt_seconds(applied, ffi.NULL, dead, flow, [begin], [end], carry, carry, True)
         volts.append(1.5 * (v.ab.alpha + v.xy.x) - (fall - rise))
     return setup["inverter.vdc_V"] * np.array(volts)
 
