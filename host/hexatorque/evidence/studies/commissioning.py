@@ -30,7 +30,7 @@ from ...plant.vsd import INVERSE, PHASES
 from ...setups import Setup
 from ...setups.design import Design
 from . import plates
-from .grids import Grid, for_terminal
+from .grids import Grid
 
 TITLE = "Commissioning: errors of what it finds"
 QUICK = 1
@@ -382,10 +382,6 @@ def grid(result: dict) -> Grid:
         )
     heads = ["set-up", "mistakes named", "largest current, share of --current"]
     return [*tables, ("Wrong wiring", heads, wrong)]
-
-
-def tables(result: dict) -> list:
-    return for_terminal(grid(result))
 
 
 def plot(result: dict, path: Path) -> Path:

@@ -24,6 +24,7 @@ from ...plant.machine import phase_current
 from ...plant.machines.induction import Parameters, make
 from ...plant.record import names_of, record
 from ...plant.vsd import ANGLES_RAD
+from .grids import Grid
 
 TITLE = "Inverter: error voltage of a leg"
 CLOCK_HZ, PERIOD = 100e6, 10_000  #: counts: 10 kHz
@@ -193,20 +194,14 @@ def failures(result: dict) -> list[str]:
     return []
 
 
-def tables(result: dict) -> list:
-    from rich.table import Table
-
-    table = Table(
-        title=f"{TITLE}\nmean leg voltage minus command [V], {_point(result)}",
-        title_justify="left",
-    )
-    table.add_column("current [A]", justify="right")
-    for curve in result["curves"]:
-        table.add_column(curve["name"], justify="right")
-    for i_A in (-0.9, -0.4, -0.2, -0.1, 0.0, 0.1, 0.2, 0.4, 0.9):
-        values = (np.interp(i_A, c["i_A"], c["error_V"]) for c in result["curves"])
-        table.add_row(f"{i_A:g}", *(f"{value:+.2f}" for value in values))
-    return [table]
+def grid(result: dict) -> Grid:
+    curves = result["curves"]
+    rows = [
+        [f"{i_A:g}", *(f"{np.interp(i_A, c['i_A'], c['error_V']):+.2f}" for c in curves)]
+        for i_A in (-0.9, -0.4, -0.2, -0.1, 0.0, 0.1, 0.2, 0.4, 0.9)
+    ]
+    title = f"mean leg voltage minus command [V], {_point(result)}"
+    return [(title, ["current [A]", *(curve["name"] for curve in curves)], rows)]
 
 
 def _point(result: dict) -> str:

@@ -78,7 +78,7 @@ def test_a_belief_that_hardly_shows_names_no_sound_leg():
 
 
 def test_a_sound_drive_that_stops_is_no_right_one(monkeypatch):
-    to = lost_phase._to
+    to = lost_phase.settle_at
 
     def lose_before(sim, *args):
         to(sim, *args)
