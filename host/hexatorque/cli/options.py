@@ -136,7 +136,9 @@ quick = click.option("--quick", is_flag=True, help="fewer cases, shorter runs")
 
 
 def folder(default: str):
-    return file("-o", "--output", metavar="DIR", default=Path(default), help="for the results")
+    return file(
+        "-o", "--output", metavar="DIR", default=Path(default), help="folder for the results"
+    )
 
 
 def setup(default: str | None, without: str | None = None):
@@ -145,21 +147,24 @@ def setup(default: str | None, without: str | None = None):
         "--setup",
         metavar="NAME|FILE",
         default=default,
-        help=without and f"default: {without}",
+        help="a built-in set-up or a file" + (f"; default: {without}" if without else ""),
         shell_complete=completion.setup,
     )
 
 
 schemes = value(
-    "--schemes", metavar="A,B,...", help="default: all", shell_complete=completion.schemes
+    "--schemes",
+    metavar="A,B,...",
+    help="control schemes; default: all",
+    shell_complete=completion.schemes,
 )
 schemes_or_laws = value(
     "--schemes",
     metavar="A,B,...",
-    help="also references and files with a law; default: all of the firmware",
+    help="control schemes, references and files with a law; default: all schemes of the firmware",
     shell_complete=completion.schemes_or_laws,
 )
-load = value("--load", metavar="NM", type=number, help="default: the set-up's point")
+load = value("--load", metavar="NM", type=number, help="load torque; default: the set-up's point")
 
 
 settings = value(
@@ -181,24 +186,28 @@ def point(without: str, schemes=schemes):
             "--speed",
             metavar="RPM",
             type=number,
-            help="default: the set-up's point, or half of rated speed",
+            help="speed; default: the set-up's point, or half of rated speed",
         ),
         load,
         settings,
     )
 
 
-baud = value("--baud", metavar="N", type=line_rate, help="default: those of the images")
+baud = value(
+    "--baud", metavar="N", type=line_rate, help="rate of the line; default: those of the images"
+)
 #: Which board.
 board = together(
     value(
         "--device",
         metavar="PORT",
-        help="/dev/ttyUSB0, socket://host:port; default: the only board",
+        help="the board's: /dev/ttyUSB0, socket://host:port; default: the only board",
     ),
     baud,
 )
-duration = value("--duration", metavar="S", type=seconds, help="default: until Ctrl-C")
+duration = value(
+    "--duration", metavar="S", type=seconds, help="seconds to run; default: until Ctrl-C"
+)
 #: What is set before a start.
 before_start = together(
     value(

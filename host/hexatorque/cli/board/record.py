@@ -50,8 +50,15 @@ def running(drive: BoardDrive, values: dict[str, object], start: bool) -> Iterat
 @click.command(epilog=examples("board stream i_u1_A torque_Nm speed_rpm --rate 2000 -o run.csv"))
 @options.channels
 @options.recording
-@options.value("--rate", metavar="HZ", type=options.number, help="default: what the line carries")
-@options.value("--decimation", metavar="N", type=options.whole, help="every N-th fast interrupt")
+@options.value(
+    "--rate",
+    metavar="HZ",
+    type=options.number,
+    help="samples per second; default: what the line carries",
+)
+@options.value(
+    "--decimation", metavar="N", type=options.whole, help="take every N-th fast interrupt"
+)
 @options.duration
 @started
 @options.board
@@ -148,8 +155,10 @@ def _write(
 )
 @options.channels
 @options.recording
-@options.value("--samples", metavar="N", type=options.whole, default=1000)
-@options.value("--pre", metavar="N", type=options.whole, default=0, help="before the trigger")
+@options.value("--samples", metavar="N", type=options.whole, default=1000, help="number of samples")
+@options.value(
+    "--pre", metavar="N", type=options.whole, default=0, help="samples before the trigger"
+)
 @options.value(
     "--prescaler", metavar="N", type=options.whole, default=1, help="one sample in N interrupts"
 )
@@ -160,7 +169,10 @@ def _write(
     help="rising:CH:LEVEL, falling:…, above:…, below:…, fault, command, manual (at once)",
 )
 @options.value(
-    "--timeout", metavar="S", type=options.seconds, help="give up after; default: until Ctrl-C"
+    "--timeout",
+    metavar="S",
+    type=options.seconds,
+    help="give up after this time; default: until Ctrl-C",
 )
 @started
 @options.board
@@ -179,7 +191,7 @@ def capture(
     as_json,
     **before,
 ) -> int:
-    """Capture channels into the board's memory and bring them over.
+    """Capture channels into the board's memory and download them.
 
     The board takes a sample at every fast interrupt, which no serial line could carry.
     """

@@ -37,7 +37,10 @@ LONG_S = 60.0
 @options.setup("paper-a-feasible")
 @options.settings
 @options.value(
-    "--load", metavar="NM", type=options.number, help="brake on the shaft; default: none"
+    "--load",
+    metavar="NM",
+    type=options.number,
+    help="torque of a brake on the shaft; default: none",
 )
 @options.value(
     "--machine",
@@ -51,7 +54,7 @@ LONG_S = 60.0
     metavar="N",
     type=options.number,
     default=1.0,
-    help="N times as fast as the clock; so is the line",
+    help="run N times as fast as the clock, and the line as well",
 )
 @options.file(
     "--store",
