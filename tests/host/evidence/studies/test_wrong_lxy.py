@@ -85,7 +85,7 @@ def test_a_sound_drive_that_stops_is_no_right_one(monkeypatch):
         sim.break_leg("w2", "open")
         sim.run(0.1, record=False)
 
-    monkeypatch.setattr(lost_phase, "_to", lose_before)
+    monkeypatch.setattr(lost_phase, "settle_at", lose_before)
     row = asdict(wrong_lxy.run(case_of(50_004)))
     assert row["outcome"] == "other" and row["error"] == "fault before the loss: phase lost"
 
