@@ -221,7 +221,7 @@ def test_a_file_names_another_as_seen_from_its_own_folder(tmp_path, monkeypatch)
 
 
 def test_a_tuned_copy_finds_the_file_that_the_first_one_named(tmp_path):
-    from hexatorque.setups.edit import moved
+    from hexatorque.tuning.edit import moved
 
     (tmp_path / "mine.toml").write_text(new.from_circuit(CIRCUIT, "mine"))
     source = 'title = "first"\nsetup = "mine.toml"  # my machine\n[controller]\nscheme = "fdr"\n'
