@@ -101,7 +101,7 @@ def _leads(response: np.ndarray, fits: Fits, mistakes: list[str]) -> Wiring:
 
 
 def _simplest(fits: Fits) -> int:
-    """Of the orders that fit alike the one with the fewest leads to move; first those whose
+    """Among the orders that fit alike, the one with the fewest leads to move; first those whose
     alpha-beta plane conducts less."""
     alike = np.flatnonzero(fits.unexplained <= 1.2 * fits.unexplained.min() + 1e-9)
     moved = (ORDERS[alike] != np.arange(6)).sum(1)

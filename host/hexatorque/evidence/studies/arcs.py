@@ -226,7 +226,7 @@ def cases(quick: bool) -> dict[str, list[Case]]:
 
 
 def row(task: tuple[str, Case], progress: Progress | None = None) -> dict:
-    """Of a campaign, one run."""
+    """One run of a campaign."""
     return {"campaign": task[0], **asdict(run(task[1], progress))}
 
 

@@ -150,7 +150,7 @@ def measured(setup: Setup, steps: Sequence[str] = tuple(STEPS)) -> dict[str, Any
 
 
 def _phases(found: Any, sim: SimulatedDrive, rs_ohm: float) -> list[list[float]]:
-    """Of each phase's resistance: true value, found one, its uncertainty."""
+    """Each phase's resistance: true value, found one, its uncertainty."""
     if not found.resistance:
         return []
     pairs = zip(sim.machine.drs_ohm, found.resistance.rs_ohm)

@@ -124,7 +124,7 @@ def drawn_rpm(rng: np.random.Generator) -> float:
 
 
 def period_s(sim: SimulatedDrive) -> float:
-    """Of the flux."""
+    """The period of the flux."""
     return 2 * math.pi / max(abs(sim.controller.channel("omega_sync_rad_s")), 1.0)
 
 
@@ -371,7 +371,7 @@ def run(campaign: str, case: Case, progress: Progress | None = None) -> Result:
 
 
 def row(task: tuple[str, Case], progress: Progress | None = None) -> dict:
-    """Of a campaign, one run."""
+    """One run of a campaign."""
     return {"campaign": task[0], **asdict(run(*task, progress))}
 
 
