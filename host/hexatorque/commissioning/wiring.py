@@ -8,6 +8,9 @@ If an order explains the matrix, the sensors are right, and it is the order of t
 does, a sensor is wrong: a channel then measures the leg at which it answers most, and the answer's
 sign is the sensor's.
 
+A leg that drives no current changes what all channels answer, so that nothing else can be told from
+them: it alone is named.
+
 Exchanging the two planes is an order of the leads as well, and looks the same with the planes'
 conductances exchanged. Two things tell them apart. The alpha-beta plane, with the rotor's leakage
 too, mostly conducts less. And in a longer wave the rotor's resistance adds to the stator's there.
@@ -20,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..plant.vsd import ANGLES_RAD, INVERSE, PHASES, TRANSFORM
+from ..plant.vsd import ANGLES_RAD, INVERSE, PHASES, SETS, TRANSFORM
 from .excitation import CommissioningError, Excitation, Samples, half_wave_Hz, on_leg
 from .regression import linear
 
@@ -79,6 +82,8 @@ def decide(response: np.ndarray) -> Wiring:
     fits = fit(response, every)
     if fits.unexplained.min() < UNEXPLAINED:
         return _leads(response, fits, [])
+    if mistakes := without_current(response):
+        return Wiring(tuple(mistakes), response)
     mistakes, legs, scale = sensors(response)
     read = np.flatnonzero(scale)
     fits = fit(response[read] / scale[read, None], legs[read])
@@ -192,6 +197,32 @@ def _slopes(wave: Samples, leg: int) -> np.ndarray:
     return v[whole] @ slope[whole] / (v[whole] @ v[whole])
 
 
+# -- legs without a current ------------------------------------------------------------------
+
+
+def without_current(response: np.ndarray) -> list[str]:
+    """The legs whose voltage drives no current. Two open leads of a star leave its third phase
+    without a current, too."""
+    size = np.abs(response).max(0)
+    dead = size < DEAD * size.max()
+    mistakes = []
+    for star in SETS:
+        names = [PHASES[leg] for leg in star if dead[leg]]
+        if len(names) == len(star):
+            mistakes.append(
+                f"legs {', '.join(names)}: their voltages drive no current: two of their leads or "
+                "all three are open, or their gates do not switch"
+            )
+        else:
+            mistakes += [
+                f"leg {name}: its voltage drives no current: lead open, or its gates do not switch"
+                for name in names
+            ]
+    if mistakes:
+        mistakes[-1] += "; what else may be wrong is seen when this is mended"
+    return mistakes
+
+
 # -- sensors ---------------------------------------------------------------------------------
 
 
@@ -202,17 +233,12 @@ def sensors(response: np.ndarray) -> tuple[list[str], np.ndarray, np.ndarray]:
     answers = size.max(1)
     legs = size.argmax(1)
     usual = float(np.median(answers))
-    driven = size.max(0) >= DEAD * size.max()
     scale = response[np.arange(6), legs] / usual
     scale[np.abs(scale) < DEAD] = 0.0
-    mistakes = [
-        f"leg {PHASES[leg]}: its voltage drives no current: lead open, or its gates do not switch"
-        for leg in np.flatnonzero(~driven)
-    ]
+    mistakes: list[str] = []
     for channel, name in enumerate(PHASES):
         if scale[channel] == 0.0:
-            if driven[channel]:
-                mistakes.append(f"current sensor {name}: reads nothing: open, or without supply")
+            mistakes.append(f"current sensor {name}: reads nothing: open, or without supply")
             continue
         if legs[channel] != channel:
             mistakes.append(f"current sensor {name}: measures leg {PHASES[legs[channel]]}")
