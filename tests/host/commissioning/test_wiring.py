@@ -103,9 +103,7 @@ def with_open_leads(response, *legs):
     left = [leg for leg in range(6) if leg not in legs]
     to_each = np.linalg.pinv(response[np.ix_(legs, legs)]) @ response[np.ix_(legs, left)]
     cut = np.zeros((6, 6))
-    cut[np.ix_(left, left)] = (
-        response[np.ix_(left, left)] - response[np.ix_(left, legs)] @ to_each
-    )
+    cut[np.ix_(left, left)] = response[np.ix_(left, left)] - response[np.ix_(left, legs)] @ to_each
     return cut
 
 
