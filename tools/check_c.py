@@ -24,6 +24,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 TARGET = (
@@ -149,7 +150,7 @@ def late_casts(ir: str) -> list[tuple[str, int]]:
 BITS = {"unsigned int": 16, "unsigned short": 16, "int": 16, "short": 16, "unsigned char": 8,
         "signed char": 8, "char": 8, "_Bool": 1, "unsigned long": 32, "long": 32,
         "unsigned long long": 64, "long long": 64}  # fmt: skip
-COMPUTES = {
+COMPUTES: dict[str, Callable[[int, int], int | None]] = {
     "+": int.__add__, "-": int.__sub__, "*": int.__mul__, "|": int.__or__, "&": int.__and__,
     "^": int.__xor__, "<<": lambda a, b: a << min(b, 64), ">>": lambda a, b: a >> min(b, 64),
     "/": lambda a, b: a // b if b > 0 <= a else None,
@@ -187,8 +188,9 @@ class Constants:
         type = types.get("desugaredQualType", types.get("qualType", "")).removeprefix("const ")
         bits = 16 if type.startswith("enum ") else BITS.get(type)
         if kind == "EnumConstantDecl":
-            value = inner[0] if inner and inner[0] is not None else self._next
-            self._values[node["id"]], self._next = value, value + 1
+            told = inner[0] if inner else None
+            own = self._next if told is None else told
+            self._values[node["id"]], self._next = own, own + 1
             return None
         if kind == "EnumDecl":
             self._next = 0
@@ -207,16 +209,17 @@ class Constants:
             return int(node["value"])
         if kind == "DeclRefExpr":
             return self._values.get(node.get("referencedDecl", {}).get("id", ""))
-        if not inner or inner[-1] is None:
+        known = [value for value in inner if value is not None]
+        if not known or len(known) != len(inner):
             return None
         if kind in ("ParenExpr", "ConstantExpr", "ImplicitCastExpr", "CStyleCastExpr"):
-            return inner[-1]
+            return known[-1]
+        by: Callable[..., int | None] | None = None
         if kind == "UnaryOperator":
             by = {"-": int.__neg__, "~": int.__invert__, "+": int.__pos__}.get(node["opcode"])
-            return by(inner[0]) if by else None
-        if kind == "BinaryOperator" and node["opcode"] in COMPUTES and inner[0] is not None:
-            return COMPUTES[node["opcode"]](inner[0], inner[1])
-        return None
+        elif kind == "BinaryOperator":
+            by = COMPUTES.get(node["opcode"])
+        return by(*known) if by else None
 
 
 def large_constants(root: Path, command: list[str], file: Path) -> list[str]:

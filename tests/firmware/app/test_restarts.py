@@ -159,7 +159,7 @@ def test_the_limit_may_be_changed_while_a_start_must_wait():
     with pytest.raises(FirmwareError, match="too many trips by hardware"):
         bench.controller.start()
     bench.wait(12.0)
-    with pytest.raises(FirmwareError, match="; a start is refused for another 48 s$"):
+    with pytest.raises(FirmwareError, match=r"; a start is refused for another 48 s$"):
         bench.controller.start()
     bench.controller.set("restart_count", 0)
     bench.wait(LATE_S)

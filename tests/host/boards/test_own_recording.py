@@ -8,7 +8,7 @@ from hexatorque.boards import virtual
 from hexatorque.boards.own_recording import PART_S, OwnRecording
 from hexatorque.boards.virtual import VirtualBoard
 from hexatorque.cli.main import main
-from hexatorque.recording.formats import RecordingError
+from hexatorque.recording.formats import NotWritten, RecordingError
 from hexatorque.recording.recording import Recording
 from hexatorque.recording.writer import Writer
 
@@ -120,7 +120,7 @@ def test_serve_goes_on_with_a_full_disk_and_ends_with_1(tmp_path, monkeypatch, c
         served.append(made.sim.time_s)
 
     def full(*_):
-        raise RecordingError("own.csv: No space left on device")
+        raise NotWritten("own.csv: No space left on device")
 
     monkeypatch.setattr(virtual, "serve", serve)
     assert main(["board", "serve", "--record", str(tmp_path / "own.csv")]) == 1
