@@ -164,6 +164,26 @@ def test_an_open_lead_and_a_leg_that_does_not_switch_are_one_line_each(number, k
     assert 0 < sim.largest_A < LIMIT_A
 
 
+@pytest.mark.parametrize("reversed_too", (False, True))
+@pytest.mark.parametrize("kind", ("upper", "lower"))
+@pytest.mark.parametrize("number", part(range(6), 2))
+def test_a_switch_that_stays_off_is_one_line(number, kind, reversed_too):
+    """Its current flows one way only. The other legs' currents are not symmetrical then either, and
+    a sensor of the wrong sign does not exchange the switches."""
+    wires = [1, 2, 3, 4, 5, 6]
+    if reversed_too:
+        wires[number] *= -1
+    changes = dict(sensors__i_noise_A=0.02, inverter__v_switch_V=1.0, sensors__i_wires=wires)
+    sim = Watched(SETUP.changed(**changes))
+    sim.break_leg(PHASES[number], kind)
+    with Excitation(sim, Limits(LIMIT_A, 0.1), travel_rev=10) as test:
+        (line,) = wiring.check(test).mistakes
+    assert line.startswith(
+        f"leg {PHASES[number]}: its current flows one way only: its {kind} switch stays off"
+    )
+    assert 0 < sim.largest_A < LIMIT_A
+
+
 class Slow(SimulatedDrive):
     """A virtual board on a busy computer: from the start on, its time passes slowly."""
 
