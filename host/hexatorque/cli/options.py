@@ -77,6 +77,18 @@ def break_given(text: str) -> tuple[str, str, float]:
     raise click.BadParameter(f"{text!r}: allowed range of the time is 0 .. {MOST_AFTER_S:g} s")
 
 
+def trip_pin_given(text: str) -> tuple[float, float | None]:
+    """Begin and length of a --trip-pin option: 5, or 5+2."""
+    after, plus, length = text.partition("+")
+    with suppress(ValueError):
+        after_s, for_s = real(after), real(length) if plus else None
+        if 0 <= after_s <= MOST_AFTER_S and (for_s is None or 0 < for_s <= MOST_AFTER_S):
+            return after_s, for_s
+    raise click.BadParameter(
+        f"{text!r}: SECONDS or SECONDS+LENGTH is needed, both up to {MOST_AFTER_S:g} s"
+    )
+
+
 def schemes_given(text: str | None, laws: bool = False) -> list[str]:
     """The schemes of a --schemes option; all of the firmware without one. `laws`: references, and
     files with a law, are among them."""

@@ -92,7 +92,9 @@ def stream(
             state, faults, trip = drive.state, drive.faults, drive.trip
             why = BOARD_RESET if stream.ended else "user" if ended.is_set() else "duration"
             why = str(drive.stopped or why)
-            path = recorder.close(why, state=state, faults=faults)
+            stream.close()  # its share of the line is free now
+            warned = None if stream.ended else drive.warnings
+            path = recorder.close(why, state=state, faults=faults, warnings=warned)
     summary = {
         "file": str(path),
         "samples": recorder.samples,
@@ -102,9 +104,10 @@ def stream(
         **drive.line_counters(),
         "state": state,
         "faults": faults,
+        "warnings": warned,
         "ended": why,
     }
-    say(as_json, summary)
+    say(as_json, summary if as_json else summary | {"warnings": _told(warned)})
     if stream.ended:
         complain(str(stream.ended))
         return 1
@@ -112,6 +115,10 @@ def stream(
         complain(why)
         return 1
     return 0 if faulted else tripped(state, faults, trip)
+
+
+def _told(warned: list[str] | None) -> str:
+    return "not known" if warned is None else ", ".join(warned) or "none"
 
 
 def _write(
@@ -207,6 +214,7 @@ def capture(
         except BaseException:
             drive.cancel()
             raise
+        recording.meta["warnings"] = drive.warnings
     if drive.stopped:
         recording.meta["ended"] = str(drive.stopped)
     recording.save(output)
@@ -217,8 +225,9 @@ def capture(
         "trigger_tick": recording.meta["trigger_tick"],
         "state": recording.meta["state"],
         "faults": recording.meta["faults"],
+        "warnings": recording.meta["warnings"],
     }
-    say(as_json, summary)
+    say(as_json, summary if as_json else summary | {"warnings": _told(summary["warnings"])})
     if drive.stopped:
         complain(str(drive.stopped))
         return 1
