@@ -40,7 +40,7 @@ from ...serial import wire
 from ...serial.client import HEARTBEAT_S
 from . import magnet_faults
 from .fault_checks import Result, gates_off, shoot_through, sign
-from .grids import Grid, for_terminal
+from .grids import Grid
 from .runs import each
 
 TITLE = "Fault campaign"
@@ -1006,11 +1006,6 @@ def grid(result: dict) -> Grid:
     ]
     title = f"{result['runs']} runs; periods from injection to gates off, median / longest"
     return [(title, heads, rows)]
-
-
-def tables(result: dict) -> list:
-    ((title, heads, rows),) = grid(result)
-    return for_terminal([(f"{TITLE}: {title}", heads, rows)])
 
 
 def plot(result: dict, path: Path) -> Path:
