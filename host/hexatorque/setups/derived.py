@@ -47,6 +47,9 @@ NO_LOAD_SHARE = 0.4
 #: the voltage turns such a flux at the load's speed. Near pull-out a leakage and an R_r that are
 #: 30 % off make the torque so wrong that the torque limit does not carry the load at low speed.
 ASKED_OF_PULL_OUT, MOST_OF_PULL_OUT = 0.4, 0.5
+#: And at least this one: more flux saves a machine of little no-load current nothing, and saturates
+#: it.
+LEAST_OF_PULL_OUT = 0.25
 #: Torque limit over rated torque.
 LIMIT_PER_RATED = 1.5
 #: And over the pull-out torque, if that leaves the rated torque: a leakage that is a quarter larger
@@ -59,6 +62,8 @@ LEAST_NM, MOST_NM = range_of("torque_limit_Nm")
 RUNAWAY, STIFFEST = 0.3, 0.03
 #: The stator resistance in use may be so far off, where the speed does not let it adapt.
 RESISTANCE_OFF = 0.15
+#: An error of the rotor's resistance shows in its flux after its time constant.
+ADAPT_S, ADAPT_PER_ROTOR = 1.0, 2.0
 #: L_m at the flux reference over one that is told or estimated: unsaturated, a machine has 1.1 to
 #: 1.8 times as much as at its rated flux. The magnetising current is then as many times smaller.
 MORE_MAIN = 1.5
@@ -209,7 +214,7 @@ def _flux_ref_Wb(k: Known) -> float:
         # The no-load current has the same share of the current at this load.
         across = math.sqrt(1 / NO_LOAD_SHARE**2 - 1)
         by_load_Wb = math.sqrt(k.asked_Nm * m.ls_H / (3 * m.pole_pairs * across))
-        limits.append(max(by_load_Wb, needed_Wb))
+        limits.append(max(min(by_load_Wb, pulled_Wb(LEAST_OF_PULL_OUT)), needed_Wb))
     if m.psi_knee_Wb > 0:
         limits.append(0.8 * m.psi_knee_Wb)
     if k.setup["rated.speed_rpm"] > 0:
@@ -333,7 +338,7 @@ OPEN: dict[str, Rule] = {
     "flux_ref_Wb": Rule(
         "rated.flux_Wb; without it the least of: 20 % of the sensors' range times L_s, 40 % of "
         "rated.current_A times L_s (without it, of the current at the largest load of point and "
-        "profile), 80 % of psi_knee_Wb, 90 % of what the usable voltage turns at rated.speed_rpm "
+        "profile, and what makes that a quarter of the pull-out torque), 80 % of psi_knee_Wb, 90 % of what the usable voltage turns at rated.speed_rpm "
         "(without it, at the fastest speed of point and profile); the second and the last are as "
         "much as makes this load half of the pull-out torque, 40 % if the voltage turns that at the "
         "fastest speed with a load",
@@ -397,6 +402,11 @@ OPEN: dict[str, Rule] = {
         "current), 2 .. 10 Hz: the rebuilt voltage is the worse the more the current ripples",
         _crossover_Hz,
     ),
+    "adapt_s": Rule(
+        "twice L_r/R_r, 1 s at least: until then the fluxes of the two models do not tell what is "
+        "wrong",
+        lambda k: min(max(ADAPT_S, ADAPT_PER_ROTOR * k.rotor_s), 1000.0),
+    ),
     "i_trip_A": Rule(
         "85 % of the sensors' range", lambda k: I_TRIP_SHARE * k.setup["sensors.i_full_A"]
     ),
@@ -446,7 +456,7 @@ OPEN: dict[str, Rule] = {
 #: Rules that a rotor with magnets has no use for.
 OF_A_WINDING = (
     "rr_ohm", "lr_H", "lm_H", "sigma_ls_H", "flux_hold",
-    "iron_hysteresis_A_Wb", "iron_eddy_S", "flux_reserve_Nm",
+    "iron_hysteresis_A_Wb", "iron_eddy_S", "flux_reserve_Nm", "adapt_s",
 )  # fmt: skip
 
 #: What the controller is told of a machine with magnets.
