@@ -47,9 +47,9 @@ NO_LOAD_SHARE = 0.4
 #: the voltage turns such a flux at the load's speed. Near pull-out a leakage and an R_r that are
 #: 30 % off make the torque so wrong that the torque limit does not carry the load at low speed.
 ASKED_OF_PULL_OUT, MOST_OF_PULL_OUT = 0.4, 0.5
-#: And at least this one: more flux saves a machine of little no-load current nothing, and saturates
-#: it.
-LEAST_OF_PULL_OUT = 0.25
+#: And at least this one, as of nine in ten published machines: of more flux a machine with little
+#: no-load current has no use, and it saturates.
+LEAST_OF_PULL_OUT = 0.2
 #: Torque limit over rated torque.
 LIMIT_PER_RATED = 1.5
 #: And over the pull-out torque, if that leaves the rated torque: a leakage that is a quarter larger
@@ -275,8 +275,8 @@ def _loop_rad_s(k: Known) -> float:
     f_slow_Hz: float = k["f_slow_Hz"]
     if not _estimated_inertia(k):
         return corner_rad_s(f_slow_Hz)
-    stiffest = k.runaway_rpm(1.0) / (STIFFEST * k.rated_rpm)
-    return min(corner_rad_s(min(f_slow_Hz, _stiff_Hz(k))), stiffest)
+    corner, rise_rpm = corner_rad_s(min(f_slow_Hz, _stiff_Hz(k))), STIFFEST * k.rated_rpm
+    return min(corner, k.runaway_rpm(1.0) / rise_rpm) if rise_rpm > 0 else corner
 
 
 def _torque_limit_Nm(k: Known) -> float:
@@ -338,7 +338,7 @@ OPEN: dict[str, Rule] = {
     "flux_ref_Wb": Rule(
         "rated.flux_Wb; without it the least of: 20 % of the sensors' range times L_s, 40 % of "
         "rated.current_A times L_s (without it, of the current at the largest load of point and "
-        "profile, and what makes that a quarter of the pull-out torque), 80 % of psi_knee_Wb, 90 % of what the usable voltage turns at rated.speed_rpm "
+        "profile, and what makes that 20 % of the pull-out torque), 80 % of psi_knee_Wb, 90 % of what the usable voltage turns at rated.speed_rpm "
         "(without it, at the fastest speed of point and profile); the second and the last are as "
         "much as makes this load half of the pull-out torque, 40 % if the voltage turns that at the "
         "fastest speed with a load",
