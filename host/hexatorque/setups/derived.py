@@ -191,8 +191,7 @@ def _flux_ref_Wb(k: Known) -> float:
     stated = k.setup["rated.flux_Wb"]
     if stated > 0:
         return stated
-    # What is asked for may need more: at low speed the voltage lets it, on the way up the field is
-    # weakened.
+
     def pulled_Wb(share: float) -> float:
         """The flux at which the load is this share of the pull-out torque."""
         return math.sqrt(k.asked_Nm / (share * m.pull_out_Nm(1.0)))
@@ -203,6 +202,8 @@ def _flux_ref_Wb(k: Known) -> float:
         return 0.9 * USABLE * REACH_PU * k.vdc_V / (m.pole_pairs * rad_s(speed_rpm))
 
     loaded_rpm = max((one.speed_rpm for one in k.asked), default=0.0)
+    # What is asked for may need more: at low speed the voltage lets it, on the way up the field is
+    # weakened.
     needed_Wb = max(
         pulled_Wb(MOST_OF_PULL_OUT), min(pulled_Wb(ASKED_OF_PULL_OUT), turned_Wb(loaded_rpm))
     )
@@ -338,10 +339,10 @@ OPEN: dict[str, Rule] = {
     "flux_ref_Wb": Rule(
         "rated.flux_Wb; without it the least of: 20 % of the sensors' range times L_s, 40 % of "
         "rated.current_A times L_s (without it, of the current at the largest load of point and "
-        "profile, and what makes that 20 % of the pull-out torque), 80 % of psi_knee_Wb, 90 % of what the usable voltage turns at rated.speed_rpm "
-        "(without it, at the fastest speed of point and profile); the second and the last are as "
-        "much as makes this load half of the pull-out torque, 40 % if the voltage turns that at the "
-        "fastest speed with a load",
+        "profile, or what makes this load 20 % of the pull-out torque), 80 % of psi_knee_Wb, 90 % "
+        "of what the usable voltage turns at rated.speed_rpm (without it, at the fastest speed of "
+        "point and profile); the second and the last are as much as makes this load half of the "
+        "pull-out torque; 40 % if the voltage turns that at the fastest speed with a load",
         _flux_ref_Wb,
     ),
     "flux_min_Wb": Rule("20 % of flux_ref_Wb", lambda k: 0.2 * k.flux_Wb),

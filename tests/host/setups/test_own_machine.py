@@ -260,7 +260,9 @@ def test_a_light_shaft_gets_a_quick_speed_loop():
 def test_resistances_adapt_no_faster_than_the_rotors_flux_shows_them(rotor_s, adapt_s):
     """Under a current that stands still an error of the rotor's resistance has moved its flux by
     1 - exp(-2) after two of its time constants, adapt_s."""
-    text = "pole_pairs=2,rs_ohm=1.1,rr_ohm={},lls_H=7e-3,llr_H=7e-3,lm_H=0.21,current_A=5.9,vdc_V=600"
+    text = (
+        "pole_pairs=2,rs_ohm=1.1,rr_ohm={},lls_H=7e-3,llr_H=7e-3,lm_H=0.21,current_A=5.9,vdc_V=600"
+    )
     setup = setups.parse(new.from_circuit(text.format(0.217 / rotor_s), "x"), "x")
     assert setup.parameter("adapt_s") == pytest.approx(adapt_s, rel=1e-3)
     assert setups.load("paper-a").parameter("adapt_s") == 1.0

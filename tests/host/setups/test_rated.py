@@ -150,7 +150,9 @@ def test_a_speed_without_a_load_takes_no_flux_that_the_load_needs(text):
     """Up to the speed of the load the voltage turns the flux that makes it 40 % of pull-out. With
     less, errors of 30 % in leakage and R_r leave no torque limit that carries the load."""
     rpm, load_Nm = (2000, 5) if text == SMALL else (1200, 900)
-    steps = "[profile]\nduration_s = 9\nspeed_rpm = [[0, {}], [6, {}]]\nload_Nm = [[1, {}], [5, 0]]\n"
+    steps = (
+        "[profile]\nduration_s = 9\nspeed_rpm = [[0, {}], [6, {}]]\nload_Nm = [[1, {}], [5, 0]]\n"
+    )
     slow, fast = (
         design(setups.parse(text + steps.format(rpm, most, load_Nm), "x")) for most in (rpm, 9e3)
     )
@@ -161,10 +163,10 @@ def test_a_speed_without_a_load_takes_no_flux_that_the_load_needs(text):
     assert fast.machine.pole_pairs * rad_s(9e3) * fast.flux_Wb > turning_V
     # Where the voltage does not turn that much, it is what the voltage turns there, or half.
     shares = []
-    for load_Nm in np.geomspace(0.7, 4, 18) * load_Nm:
-        d = design(setups.parse(text + steps.format(2 * rpm, 9e3, load_Nm), "x"))
+    for asked_Nm in np.geomspace(0.7, 4, 18) * load_Nm:
+        d = design(setups.parse(text + steps.format(2 * rpm, 9e3, asked_Nm), "x"))
         turned_Wb = turning_V / (d.machine.pole_pairs * rad_s(2 * rpm))
-        shares.append(load_Nm / d.pull_out_Nm)
+        shares.append(asked_Nm / d.pull_out_Nm)
         assert 0.4 < shares[-1] * (1 + 1e-6) and shares[-1] < 0.5 * (1 + 1e-6)
         if 0.4001 < shares[-1] < 0.4999:
             assert d.flux_Wb == pytest.approx(turned_Wb, rel=1e-6)
