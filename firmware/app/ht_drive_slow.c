@@ -259,6 +259,9 @@ static void learn_resistances(ht_drive *d, const ht_drive_config *c)
     ht_leg_loss_tolerate(&d->control.leg_loss, v[HT_P_rs_ohm], v[HT_P_lxy_H], omega_rad_s);
 }
 
+/* Speed of the flux over the shaft's, at least: the slip of a machine that brakes. */
+#define BRAKING_SHARE 0.95f
+
 /* The flux reference: the ramp, or what Vdc can drive of it. */
 static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
 {
@@ -266,6 +269,8 @@ static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
     ht_ab i = d->control.observer.i_A;
     float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
     float b = (i.beta < 0.0f) ? -i.beta : i.beta;
+    float omega_rad_s = d->control.observer.omega_sync_rad_s;
+    float least_rad_s;
     if (c->params.v[HT_P_field_weakening] == 0.0f) {
         return d->flux_ramp_Wb;
     }
@@ -273,7 +278,11 @@ static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
     flux.i_A = (a > b) ? (0.96f * a + 0.398f * b) : (0.96f * b + 0.398f * a);
     flux.flux_Wb = d->flux_ramp_Wb;
     flux.vdc_V = d->in.vdc_V;
-    flux.omega_sync_rad_s = d->control.observer.omega_sync_rad_s;
+    /* A step of the torque turns the flux back for a moment, and the shaft does not take part in that: a
+     * flux reference that did would rise beyond the voltage, and the torque be lost. */
+    least_rad_s = BRAKING_SHARE * fabsf(d->speed_rpm)
+                  * (c->params.v[HT_P_pole_pairs] * (PI_F / 30.0f));
+    flux.omega_sync_rad_s = (fabsf(omega_rad_s) > least_rad_s) ? omega_rad_s : least_rad_s;
     return ht_flux_reference(&c->flux, &flux);
 }
 
