@@ -137,8 +137,9 @@ def _current_A(sim: SimulatedDrive) -> float:
 
 
 def _shorted(sim: SimulatedDrive) -> bool:
-    """The zero vector of a pattern looks like it, but no latch holds it."""
-    return gates_off(sim) and all(state == LOW for state in sim.inverter.leg)
+    """The zero vector of a pattern looks like it."""
+    there = bool(sim.controller.drive.short_circuit.on)
+    return there and all(state == LOW for state in sim.inverter.leg)
 
 
 def _judged(sim: SimulatedDrive, result: Result, legs: np.ndarray) -> Result:
