@@ -23,7 +23,9 @@ enum {
     HT_LIST_FAULTS = 6,
     /** Of the log (ht_log.h): one row of counters; a row for each event, the latest first. */
     HT_LIST_COUNTERS = 7,
-    HT_LIST_EVENTS = 8
+    HT_LIST_EVENTS = 8,
+    /** A row for each limit, and when it acted: not in the CRC either. */
+    HT_LIST_LIMITS = 9
 };
 
 /** Minor version of the protocol, told by the row of additions; HT_SERVICE_VERSION is the major. */

@@ -53,12 +53,25 @@ uint16_t ht_state_flags(uint16_t state);
 
 /** Limits that keep the torque from its reference (channel `limits`). */
 enum {
-    HT_LIMIT_TORQUE = 1,
-    HT_LIMIT_VDC_HIGH = 2,
-    HT_LIMIT_VDC_LOW = 4,
-    HT_LIMIT_POWER = 8,
-    HT_LIMIT_HEAT = 16
+#define HT_LIMIT(name, bit, text, help) HT_LIMIT_##name = (bit),
+#include "ht_limits.def"
+#undef HT_LIMIT
 };
+enum {
+    HT_LIMITS = 0 /**< how many there are */
+#define HT_LIMIT(name, bit, text, help) +1
+#include "ht_limits.def"
+#undef HT_LIMIT
+};
+
+typedef struct {
+    uint16_t bit;
+    const char *name;
+    const char *help;
+} ht_limit_info;
+
+/** Table entry, or NULL if there is no such row. */
+const ht_limit_info *ht_limit_describe(uint16_t row);
 
 /** The values of the fast interrupt that raised the latest fault. */
 typedef struct {
@@ -114,20 +127,23 @@ typedef struct {
      * slow interrupt noticed the latest one. */
     volatile uint16_t trips_forgotten;
     uint16_t trips_noticed;
-    volatile uint16_t quiet_s; /**< whole seconds */
-    float quiet_part_s;        /**< and the rest */
-    float flux_ramp_Wb;        /**< the parameter flux_ref_Wb as it is approached; field
+    volatile uint16_t quiet_s;      /**< whole seconds */
+    float quiet_part_s;             /**< and the rest */
+    float flux_ramp_Wb;             /**< the parameter flux_ref_Wb as it is approached; field
                                     *   weakening goes below */
-    float omega_mean_rad_s;    /**< flux speed, slow mean */
-    float torque_limit_Nm;     /**< of the torque reference, as it is now */
-    float torque_least_Nm;     /**< below 0: the same for a negative one */
-    ht_ramp_state ramp;        /**< of the speed reference */
-    float stop_ticks;          /**< slow interrupts since the stop began */
-    uint16_t motion;           /**< as the latest slow interrupt found it */
-    uint16_t heat_warnings;    /**< the slow interrupt's own: it must not write `warnings` */
-    ht_set_difference sets;    /**< learnt; a stop does not forget it */
-    ht_heat_state heat;        /**< nothing but a reset forgets it */
-    float heat_share;          /**< of the torque limit, that the winding's temperature leaves */
+    float omega_mean_rad_s;         /**< flux speed, slow mean */
+    float torque_limit_Nm;          /**< of the torque reference, as it is now */
+    float torque_least_Nm;          /**< below 0: the same for a negative one */
+    uint16_t torque_limited_by;     /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
+    ht_ramp_state ramp;             /**< of the speed reference */
+    float stop_ticks;               /**< slow interrupts since the stop began */
+    uint32_t limit_from[HT_LIMITS]; /**< tick at which each limit began to act, the latest time */
+    uint32_t limit_to[HT_LIMITS];   /**< and at which it was last seen to */
+    uint16_t motion;                /**< as the latest slow interrupt found it */
+    uint16_t heat_warnings;         /**< the slow interrupt's own: it must not write `warnings` */
+    ht_set_difference sets;         /**< learnt; a stop does not forget it */
+    ht_heat_state heat;             /**< nothing but a reset forgets it */
+    float heat_share; /**< of the torque limit, that the winding's temperature leaves */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;

@@ -182,7 +182,8 @@ static void follow_time(ht_drive_log *l, const ht_drive *d, bool powered)
     }
     if ((l->counters.powered_s - l->token_s) >= TOKEN_S) {
         l->token_s += TOKEN_S;
-        l->tokens = (l->tokens < HT_LOG_TOKENS) ? (uint16_t)(l->tokens + 1u) : (uint16_t)HT_LOG_TOKENS;
+        l->tokens = (l->tokens < HT_LOG_TOKENS) ? (uint16_t)(l->tokens + 1u)
+                                                : (uint16_t)HT_LOG_TOKENS;
     }
 }
 
@@ -214,7 +215,7 @@ static void note_trip(ht_drive_log *l, const ht_drive *d)
 static void note_warnings(ht_drive_log *l, const ht_drive *d)
 {
     uint16_t warnings = ht_drive_warnings(d);
-    if ((warnings & (unsigned)~l->warned) != 0u) {
+    if ((warnings & ~(unsigned)l->warned) != 0u) {
         ht_snapshot s = present(d);
         l->warned = (uint16_t)(l->warned | warnings);
         add_event(l, d, (uint16_t)HT_EVENT_WARNING, &s);
@@ -241,8 +242,8 @@ static void follow(ht_drive_log *l, const ht_drive *d)
     }
     if (d->tick != 0u) {
         follow_peaks(l, &d->in, powered, d->speed_rpm);
-        l->counters.winding_degC = larger(ht_heat_winding_degC(&d->config->heat, &d->heat),
-                                          l->counters.winding_degC);
+        l->counters.winding_degC =
+            larger(ht_heat_winding_degC(&d->config->heat, &d->heat), l->counters.winding_degC);
     }
     l->at_work = at_work;
     l->faulty = faulty;
@@ -435,9 +436,8 @@ ht_result ht_log_row(const ht_drive_log *l, const ht_drive *d, uint16_t row, uin
     if ((ht_state_flags(d->state) & (unsigned)HT_AT_WORK) != 0u) {
         return HT_ERROR_STATE;
     }
-    return ht_log_ring_read(&l->ring, (uint16_t)(ht_log_events(l) - 1u - row), words)
-               ? HT_OK
-               : HT_ERROR_ID;
+    return ht_log_ring_read(&l->ring, (uint16_t)(ht_log_events(l) - 1u - row), words) ? HT_OK
+                                                                                      : HT_ERROR_ID;
 }
 
 ht_result ht_log_forget(ht_drive_log *l, const ht_drive *d)

@@ -213,7 +213,6 @@ void ht_service_turn(ht_service *l)
     ht_burst_sum(&l->burst);
     transmit(l);
     if (l->setup.log != NULL) {
-        ht_log_turn(l->setup.log, l->drive,
-                    (l->session == 0u) && !ht_request_rate_is_used(l));
+        ht_log_turn(l->setup.log, l->drive, (l->session == 0u) && !ht_request_rate_is_used(l));
     }
 }

@@ -61,7 +61,7 @@ typedef struct {
     uint32_t *memory;      /**< for captures */
     uint32_t memory_size;  /**< values */
     const ht_store *store; /**< of the parameters; NULL: none */
-    ht_drive_log *log;           /**< of events; NULL: none */
+    ht_drive_log *log;     /**< of events; NULL: none */
     const ht_reset *reset; /**< the latest one; NULL: the board does not know it */
 } ht_service_setup;
 

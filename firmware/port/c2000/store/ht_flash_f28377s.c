@@ -15,8 +15,9 @@
 
 uint32_t ht_flash_area(uint16_t area)
 {
-    return (area < HT_STORE_AREAS) ? (SECTOR_M + ((uint32_t)area * SECTOR_WORDS))
-                                   : (SECTOR_K + ((uint32_t)(area - HT_STORE_AREAS) * SECTOR_WORDS));
+    return (area < HT_STORE_AREAS)
+               ? (SECTOR_M + ((uint32_t)area * SECTOR_WORDS))
+               : (SECTOR_K + ((uint32_t)(area - HT_STORE_AREAS) * SECTOR_WORDS));
 }
 
 uint32_t ht_flash_area_words(void)
