@@ -64,7 +64,7 @@ class Op(IntEnum):
 
 NEEDS_SESSION = frozenset(
     (Op.CLOSE, Op.TRIGGER, Op.CANCEL, Op.READ, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM,
-     Op.SAVE, Op.FORGET)
+     Op.SAVE, Op.FORGET, Op.FORGET_LOG)
 )  # fmt: skip
 #: Requests that write a flash, and the longest time for that; the board does not read meanwhile.
 SLOW = frozenset((Op.SAVE, Op.FORGET))
