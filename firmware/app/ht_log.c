@@ -208,7 +208,7 @@ static void note_trip(ht_drive_log *l, const ht_drive *d)
     }
     count_trip(l, s.faults);
     l->fault_tick = s.tick;
-    follow_peaks(l, &s.in, (ht_state_flags(s.state) & (unsigned)HT_GATES_ON) != 0u, s.speed_rpm);
+    follow_peaks(l, &s.in, true, s.speed_rpm);
     add_event(l, d, (uint16_t)HT_EVENT_TRIP, &s);
 }
 
@@ -251,30 +251,42 @@ static void follow(ht_drive_log *l, const ht_drive *d)
 
 /* --- the memory ------------------------------------------------------------------------------- */
 
-/* Records that the memory has, the oldest first: what comes later counts, or comes on top. */
-static void take_counters(ht_log_counters *c, const uint16_t *words)
+static uint32_t later(uint32_t count, uint32_t other)
 {
-    c->missed = words[1];
-    c->powered_s = word32(&words[2]);
-    c->gates_s = word32(&words[4]);
-    c->starts = word32(&words[6]);
-    c->vdc_V = ht_float_of(word32(&words[8]));
-    c->current_A = ht_float_of(word32(&words[10]));
-    c->speed_rpm = ht_float_of(word32(&words[12]));
-    c->winding_degC = ht_float_of(word32(&words[14]));
+    return (count > other) ? count : other;
 }
 
+/* Records that the memory has. Those of an area that has changed come in another order than they were
+ * made: of what never goes down the largest counts. */
+static void take_counters(ht_log_counters *c, const uint16_t *words)
+{
+    c->missed = (words[1] > c->missed) ? words[1] : c->missed;
+    c->powered_s = later(word32(&words[2]), c->powered_s);
+    c->gates_s = later(word32(&words[4]), c->gates_s);
+    c->starts = later(word32(&words[6]), c->starts);
+    c->vdc_V = larger(ht_float_of(word32(&words[8])), c->vdc_V);
+    c->current_A = larger(ht_float_of(word32(&words[10])), c->current_A);
+    c->speed_rpm = larger(ht_float_of(word32(&words[12])), c->speed_rpm);
+    c->winding_degC = larger(ht_float_of(word32(&words[14])), c->winding_degC);
+}
+
+/* A trip may be later than the counters, and is counted on top of those before it. */
 static void take_event(ht_drive_log *l, const uint16_t *words)
 {
     ht_log_counters *c = &l->counters;
     uint16_t event = (uint16_t)(words[0] & KIND);
-    if (word32(&words[2]) >= l->sequence) {
-        l->sequence = word32(&words[2]) + 1u;
-    }
-    c->powered_s = (word32(&words[4]) > c->powered_s) ? word32(&words[4]) : c->powered_s;
-    c->gates_s = (word32(&words[6]) > c->gates_s) ? word32(&words[6]) : c->gates_s;
+    uint16_t leg;
+    l->sequence = later(word32(&words[2]) + 1u, l->sequence);
+    c->powered_s = later(word32(&words[4]), c->powered_s);
+    c->gates_s = later(word32(&words[6]), c->gates_s);
     if (event == (uint16_t)HT_EVENT_TRIP) {
         count_trip(l, word32(&words[8]));
+        c->vdc_V = larger(ht_float_of(word32(&words[12])), c->vdc_V);
+        for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+            c->current_A =
+                larger(fabsf(ht_float_of(word32(&words[14u + (2u * leg)]))), c->current_A);
+        }
+        c->speed_rpm = larger(fabsf(ht_float_of(word32(&words[26]))), c->speed_rpm);
     } else if (event == (uint16_t)HT_EVENT_FORGOTTEN) {
         ht_log_ring_empty(&l->ring, 1u);
     } else {
