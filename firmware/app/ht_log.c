@@ -339,6 +339,7 @@ static void put_trips(ht_drive_log *l)
         words[1u + row] = l->trips[row];
     }
     l->trips_kept = true;
+    l->trips_due = false;
     ht_log_ring_put(&l->ring, words);
 }
 
@@ -348,11 +349,13 @@ static void finish(ht_drive_log *l)
     if (l->put == (uint16_t)PUT_EVENT) {
         if (l->ring.kept) {
             drop_oldest(l);
+            l->trips_due = !l->trips_kept;
         }
     } else if (l->ring.kept) {
         /* as it was put */
     } else if (l->put == (uint16_t)PUT_TRIPS) {
         l->trips_kept = false;
+        l->trips_due = true;
     } else if (l->put == (uint16_t)PUT_COUNTERS) {
         l->kept_powered_s -= HOUR_S; /* due at once */
     } else {
@@ -369,7 +372,7 @@ static void put_next(ht_drive_log *l)
     if (l->waiting != 0u) {
         l->put = (uint16_t)PUT_EVENT;
         ht_log_ring_put(&l->ring, l->queue[0]);
-    } else if (!l->trips_kept) {
+    } else if (!l->trips_kept && (l->trips_due || take_token(l))) {
         l->put = (uint16_t)PUT_TRIPS;
         put_trips(l);
     } else if (((c->powered_s - l->kept_powered_s) >= HOUR_S) || (ran && take_token(l))) {
@@ -484,6 +487,7 @@ void ht_log_start(ht_drive_log *l, const ht_reset *reset)
         l->trips[row] = 0u;
     }
     l->trips_kept = true;
+    l->trips_due = false;
     l->tick = 0u;
     l->ticks = 0u;
     l->gates_ticks = 0u;

@@ -21,7 +21,8 @@
  *  Writing. In idle, and in fault but with a wrong clock, a block in a turn of the background. Until then events
  *  wait in RAM. An erase waits until no client is there: it would miss its answers.
  *
- *  Wear. An event takes a slot, a trip, a run and an hour one more. Events and the end of a run take a token.
+ *  Wear. An event takes a slot, a trip, a run and an hour one more. Each event, each run, and trips without an
+ *  event, take a token.
  *  There are HT_LOG_TOKENS, and one more comes every minute. Without one, an event is counted as missed, and
  *  counters wait.
  */
@@ -68,6 +69,7 @@ typedef struct {
     uint32_t kept_gates_s;
     uint32_t kept_starts;
     bool trips_kept;
+    bool trips_due; /**< they go with an event that is written */
     /* The drive as the latest turn found it. */
     uint32_t tick;
     uint32_t ticks;       /**< that are no whole second yet */
