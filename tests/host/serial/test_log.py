@@ -5,13 +5,24 @@ import struct
 
 import numpy as np
 import pytest
-from device import CLEAR, DONE, ID, LENGTH, LIST, SESSION, START, STATE, STOP, Device
+from device import (
+    CLEAR,
+    DONE,
+    FORGET_LOG,
+    ID,
+    LENGTH,
+    LIST,
+    SESSION,
+    START,
+    STATE,
+    STOP,
+    Device,
+)
 
 from hexatorque import firmware
 from hexatorque.firmware import MemoryStore, ffi, lib
 from hexatorque.serial import wire
 
-FORGET_LOG = 0x14
 ROWS = [lib.ht_fault_describe(row) for row in range(lib.ht_fault_count())]
 FAULTS = {ffi.string(row.name).decode(): row.bit for row in ROWS}
 #: Fast interrupts in which everything that waits is written, and the memory is read at a start.
