@@ -275,11 +275,11 @@ static void take_event(ht_drive_log *l, const uint16_t *words)
 {
     ht_log_counters *c = &l->counters;
     uint16_t event = (uint16_t)(words[0] & KIND);
-    uint16_t leg;
     l->sequence = later(word32(&words[2]) + 1u, l->sequence);
     c->powered_s = later(word32(&words[4]), c->powered_s);
     c->gates_s = later(word32(&words[6]), c->gates_s);
     if (event == (uint16_t)HT_EVENT_TRIP) {
+        uint16_t leg;
         count_trip(l, word32(&words[8]));
         c->vdc_V = larger(ht_float_of(word32(&words[12])), c->vdc_V);
         for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
@@ -296,10 +296,10 @@ static void take_event(ht_drive_log *l, const uint16_t *words)
 
 static void take_found(ht_drive_log *l, const uint16_t *words)
 {
-    uint16_t row;
     if (words[0] == KIND_COUNTERS) {
         take_counters(&l->counters, words);
     } else if (words[0] == KIND_TRIPS) {
+        uint16_t row;
         for (row = 0u; row < HT_LOG_TRIPS; row++) {
             l->trips[row] = words[1u + row];
         }
@@ -311,10 +311,19 @@ static void take_found(ht_drive_log *l, const uint16_t *words)
     }
 }
 
+static void blank(uint16_t *words)
+{
+    uint16_t k;
+    for (k = 0u; k < HT_LOG_PAYLOAD; k++) {
+        words[k] = 0u;
+    }
+}
+
 static void put_counters(ht_drive_log *l)
 {
     const ht_log_counters *c = &l->counters;
-    uint16_t words[HT_LOG_PAYLOAD] = {0u};
+    uint16_t words[HT_LOG_PAYLOAD];
+    blank(words);
     words[0] = KIND_COUNTERS;
     words[1] = c->missed;
     put_word32(&words[2], c->powered_s);
@@ -332,8 +341,9 @@ static void put_counters(ht_drive_log *l)
 
 static void put_trips(ht_drive_log *l)
 {
-    uint16_t words[HT_LOG_PAYLOAD] = {0u};
+    uint16_t words[HT_LOG_PAYLOAD];
     uint16_t row;
+    blank(words);
     words[0] = KIND_TRIPS;
     for (row = 0u; row < HT_LOG_TRIPS; row++) {
         words[1u + row] = l->trips[row];
@@ -438,8 +448,8 @@ uint16_t ht_log_events(const ht_drive_log *l)
 
 ht_result ht_log_row(const ht_drive_log *l, const ht_drive *d, uint16_t row, uint16_t *words)
 {
-    uint16_t w;
     if (row < l->waiting) {
+        uint16_t w;
         for (w = 0u; w < HT_LOG_PAYLOAD; w++) {
             words[w] = l->queue[l->waiting - 1u - row][w];
         }

@@ -450,7 +450,7 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
             bool off = (ht_state_flags(b->state) & HT_AT_WORK) == 0u;
             bool last = u16(&in[1]) + 1u >= rows_of(in[0]); /* one may have come since */
             expected = ((last && (status == NO_ID)) || (!off && (status == BAD_STATE))) ? status
-                                                                                       : expected;
+                                                                                        : expected;
         }
     } else if (opcode == FORGET_LOG) {
         bool off = (b->state == HT_STATE_IDLE) || (b->state == HT_STATE_FAULT);
