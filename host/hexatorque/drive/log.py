@@ -117,7 +117,8 @@ def forget_log(client: Client) -> None:
     state = client.state(reply.state)
     if reply.status == Status.STATE and state.at_work:
         raise LinkError(
-            f"empty the log: only while the gates are off; stop the drive first (state {state.name})",
+            "empty the log: only while the gates are off; stop the drive first "
+            f"(state {state.name})",
             reply.status,
         )
     raise client.refused(reply, "empty the log")

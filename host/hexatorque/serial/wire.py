@@ -452,7 +452,7 @@ def parse_counters(payload: bytes, faults: int) -> Counters:
     if len(payload) < 3 + layout.size or struct.unpack_from("<BH", payload) != (COUNTERS, 0):
         raise WireError("not the row of the counters")
     flags, *rest = layout.unpack_from(payload, 3)
-    return Counters(bool(flags & 1), *rest[:10], tuple(rest[10:]))
+    return Counters._make((bool(flags & 1), *rest[:10], tuple(rest[10:])))
 
 
 class Event(NamedTuple):
@@ -482,7 +482,7 @@ def parse_event(payload: bytes, row: int) -> Event:
     if len(payload) < 3 + _EVENT.size or struct.unpack_from("<BH", payload) != (EVENTS, row):
         raise WireError(f"not event {row}")
     *first, a, b, c, d, e, f, speed, winding = _EVENT.unpack_from(payload, 3)
-    return Event(*first, (a, b, c, d, e, f), speed, winding)
+    return Event._make((*first, (a, b, c, d, e, f), speed, winding))
 
 
 class LimitRow(NamedTuple):
