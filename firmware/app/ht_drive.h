@@ -127,23 +127,20 @@ typedef struct {
      * slow interrupt noticed the latest one. */
     volatile uint16_t trips_forgotten;
     uint16_t trips_noticed;
-    volatile uint16_t quiet_s;      /**< whole seconds */
-    float quiet_part_s;             /**< and the rest */
-    float flux_ramp_Wb;             /**< the parameter flux_ref_Wb as it is approached; field
+    volatile uint16_t quiet_s; /**< whole seconds */
+    float quiet_part_s;        /**< and the rest */
+    float flux_ramp_Wb;        /**< the parameter flux_ref_Wb as it is approached; field
                                     *   weakening goes below */
-    float omega_mean_rad_s;         /**< flux speed, slow mean */
-    float torque_limit_Nm;          /**< of the torque reference, as it is now */
-    float torque_least_Nm;          /**< below 0: the same for a negative one */
-    uint16_t torque_limited_by;     /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
-    ht_ramp_state ramp;             /**< of the speed reference */
-    float stop_ticks;               /**< slow interrupts since the stop began */
-    uint32_t limit_from[HT_LIMITS]; /**< tick at which each limit began to act, the latest time */
-    uint32_t limit_to[HT_LIMITS];   /**< and at which it was last seen to */
-    uint16_t motion;                /**< as the latest slow interrupt found it */
-    uint16_t heat_warnings;         /**< the slow interrupt's own: it must not write `warnings` */
-    ht_set_difference sets;         /**< learnt; a stop does not forget it */
-    ht_heat_state heat;             /**< nothing but a reset forgets it */
-    float heat_share; /**< of the torque limit, that the winding's temperature leaves */
+    float omega_mean_rad_s;    /**< flux speed, slow mean */
+    float torque_limit_Nm;     /**< of the torque reference, as it is now */
+    float torque_least_Nm;     /**< below 0: the same for a negative one */
+    ht_ramp_state ramp;        /**< of the speed reference */
+    float stop_ticks;          /**< slow interrupts since the stop began */
+    uint16_t motion;           /**< as the latest slow interrupt found it */
+    uint16_t heat_warnings;    /**< the slow interrupt's own: it must not write `warnings` */
+    ht_set_difference sets;    /**< learnt; a stop does not forget it */
+    ht_heat_state heat;        /**< nothing but a reset forgets it */
+    float heat_share;          /**< of the torque limit, that the winding's temperature leaves */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;
@@ -158,6 +155,10 @@ typedef struct {
     ht_snapshot snapshot;           /**< of the latest fault; a clear keeps it */
     ht_params params;               /**< the latest that were accepted */
     ht_drive_config configs[2];     /**< the one in force and the next */
+    /* Of the slow interrupt, out of the fast one's way. */
+    uint32_t limit_from[HT_LIMITS]; /**< tick at which each limit began to act, the latest time */
+    uint32_t limit_to[HT_LIMITS];   /**< and at which it was last seen to */
+    uint16_t torque_limited_by;     /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. No interrupt
