@@ -7,7 +7,7 @@ gcc, clang   C99 without warnings: all sources as for the host, and what goes on
 msp430       the same for a machine with 16-bit int (clang knows one)
 widths       products and shifts of 16 bits, and sums and choices made of them, that become a number
              of more bits or a float afterwards: there a cast comes too late, and where int has
-             32 bits nothing shows it
+             32 bits nothing shows it; the same of unsigned constants, which no compiler warns of
 cppcheck     what goes onto the DSP, for a machine with 16-bit char (tools/c28x), with
              the rules of MISRA C:2012; deviations: firmware/MISRA.md. The register
              model, which stays on the host, without MISRA.
@@ -18,11 +18,13 @@ Exit status 0 only if every check ran and found nothing.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 TARGET = (
@@ -144,6 +146,96 @@ def late_casts(ir: str) -> list[tuple[str, int]]:
     return found
 
 
+#: Bits of the types that a number may have where int has 16, as clang names them.
+BITS = {"unsigned int": 16, "unsigned short": 16, "int": 16, "short": 16, "unsigned char": 8,
+        "signed char": 8, "char": 8, "_Bool": 1, "unsigned long": 32, "long": 32,
+        "unsigned long long": 64, "long long": 64}  # fmt: skip
+COMPUTES: dict[str, Callable[[int, int], int | None]] = {
+    "+": int.__add__, "-": int.__sub__, "*": int.__mul__, "|": int.__or__, "&": int.__and__,
+    "^": int.__xor__, "<<": lambda a, b: a << min(b, 64), ">>": lambda a, b: a >> min(b, 64),
+    "/": lambda a, b: a // b if b > 0 <= a else None,
+    "%": lambda a, b: a % b if b > 0 <= a else None,
+}  # fmt: skip
+
+
+class Constants:
+    """Sums, products and shifts of unsigned constants that 16 bits do not hold, in clang's syntax
+    tree. The compiler computes them before it makes code, so the code does not show them.
+    found: file and line of each."""
+
+    def __init__(self, tree: dict) -> None:
+        self.found: set[tuple[str, int]] = set()
+        self._values: dict[str, int] = {}  # of enumerators
+        self._next = 0
+        self._file, self._line = "", 0
+        self._value(tree)
+
+    def _follow(self, place: dict) -> None:
+        """A place tells file and line where they differ from those of the place before."""
+        for part in (place, *(place.get(k, {}) for k in ("spellingLoc", "expansionLoc", "begin"))):
+            self._file, self._line = part.get("file", self._file), part.get("line", self._line)
+        for part in (place.get("begin", {}), place.get("end", {})):
+            if part:
+                self._follow(part)
+
+    def _value(self, node: dict) -> int | None:
+        """The value of a constant expression, as 16-bit int has it; None for anything else."""
+        for name in ("loc", "range"):
+            self._follow(node.get(name, {}))
+        where = self._file, self._line
+        inner = [self._value(part) for part in node.get("inner", ()) if part]
+        kind, types = node.get("kind"), node.get("type", {})
+        type = types.get("desugaredQualType", types.get("qualType", "")).removeprefix("const ")
+        bits = 16 if type.startswith("enum ") else BITS.get(type)
+        if kind == "EnumConstantDecl":
+            told = inner[0] if inner else None
+            own = self._next if told is None else told
+            self._values[node["id"]], self._next = own, own + 1
+            return None
+        if kind == "EnumDecl":
+            self._next = 0
+            return None
+        value = self._computed(kind, node, inner)
+        if value is None or bits is None:
+            return None
+        unsigned = "unsigned" in type
+        if unsigned and bits == 16 and kind == "BinaryOperator" and value >> 16 > 0:
+            self.found.add(where)
+        value &= (1 << bits) - 1
+        return value if unsigned or value < 1 << (bits - 1) else value - (1 << bits)
+
+    def _computed(self, kind: str | None, node: dict, inner: list[int | None]) -> int | None:
+        if kind in ("IntegerLiteral", "CharacterLiteral"):
+            return int(node["value"])
+        if kind == "DeclRefExpr":
+            return self._values.get(node.get("referencedDecl", {}).get("id", ""))
+        known = [value for value in inner if value is not None]
+        if not known or len(known) != len(inner):
+            return None
+        if kind in ("ParenExpr", "ConstantExpr", "ImplicitCastExpr", "CStyleCastExpr"):
+            return known[-1]
+        by: Callable[..., int | None] | None = None
+        if kind == "UnaryOperator":
+            by = {"-": int.__neg__, "~": int.__invert__, "+": int.__pos__}.get(node["opcode"])
+        elif kind == "BinaryOperator":
+            by = COMPUTES.get(node["opcode"])
+        return by(*known) if by else None
+
+
+def large_constants(root: Path, command: list[str], file: Path) -> list[str]:
+    tree = [a for a in command if a not in ("-S", "-emit-llvm", "-gline-tables-only")]
+    done = subprocess.run(
+        [*tree, "-fsyntax-only", "-Xclang", "-ast-dump=json", str(file)],
+        cwd=root, capture_output=True, text=True,
+    )  # fmt: skip
+    if done.returncode:
+        return []  # said already
+    return [
+        f"{where}:{line}: constants of 16 bits are added, multiplied or shifted beyond them"
+        for where, line in sorted(Constants(json.loads(done.stdout)).found)
+    ]
+
+
 def check_widths(root: Path) -> list[str]:
     command = [
         str(tool("clang")), "--target=msp430", "-ffreestanding", "-isystem", "tools/c28x/include",
@@ -163,7 +255,8 @@ def check_widths(root: Path) -> list[str]:
             f"{file}:{line}: {name}: 16 bits are multiplied or shifted, then widened"
             for name, line in late_casts(done.stdout)
         ]
-    return said
+        said += large_constants(root, [*command, *defined], file)
+    return list(dict.fromkeys(said))
 
 
 def suppressions(root: Path) -> list[str]:

@@ -9,7 +9,7 @@
 
 /* Where the next configuration is written, in `*next`: the copy that is not in force. The interrupt
  * takes nothing over until `staged` is set again. Returns what was staged and not taken yet, or NULL. */
-static const ht_drive_config *withhold(ht_drive *d, ht_drive_config **next)
+static const ht_drive_config *unstage(ht_drive *d, ht_drive_config **next)
 {
     const ht_drive_config *waiting = d->staged;
     d->staged = NULL; /* the interrupt must not take a half-written copy */
@@ -131,7 +131,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
             return HT_ERROR_VALUE;
         }
     }
-    (void)withhold(d, &next); /* memory may hold anything */
+    (void)unstage(d, &next); /* memory may hold anything */
     next->params = *p;
     d->tick = 0u; /* before the set-up, which reads it */
     for (row = 0u; row < (uint16_t)HT_LIMITS; row++) {
@@ -188,7 +188,7 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
         }
     }
     /* The parameters are put together where they will be used: a copy takes much of the stack. */
-    waiting = withhold(d, &next);
+    waiting = unstage(d, &next);
     next->params = d->params;
     for (k = 0u; k < n; k++) {
         next->params.v[ids[k]] = values[k];

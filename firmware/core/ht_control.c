@@ -328,7 +328,7 @@ void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const 
     ht_observer_reset(&cfg->observer, &st->observer, i.ab);
     low_from_the_start(&st->active, &cfg->dead);
     low_from_the_start(&st->next, &cfg->dead);
-    st->spill.legs = 0u;
+    st->carry.legs = 0u;
     st->i_A = *i_A;
     st->flow = ht_flow_of(i_A, &cfg->dead);
     st->estimate.psi_Wb = st->observer.psi_Wb;
@@ -406,7 +406,7 @@ static ht_vsd less_drops(const ht_control_config *cfg, ht_winding winding, const
 /* Mean voltage under a pattern, from currents `from` to `to`. */
 static inline ht_vsd voltage(const ht_control_config *cfg, ht_winding winding, const ht_applied *a,
                              const ht_toggles *toggles, ht_flow flow, const ht_six *from,
-                             const ht_six *to, float vdc_V, const ht_spill *left, ht_spill *over,
+                             const ht_six *to, float vdc_V, const ht_carry *left, ht_carry *over,
                              bool xy)
 {
     /* A set that is turned takes what the tables have in x-y into alpha-beta. */
@@ -468,7 +468,7 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
     }
     then = ht_flow_at_edges(&st->active, st->flow, now);
     v = voltage(cfg, winding, &st->active, st->toggles, then, &st->i_A, &in->i_A, in->vdc_V,
-                &st->spill, &st->spill, watch || lost);
+                &st->carry, &st->carry, watch || lost);
     if (lost) {
         v = ht_lost_legs_voltage(&st->lost, &cfg->observer, st->observer.rs_ohm, v, st->i_xy_A,
                                  i.xy);
@@ -498,9 +498,9 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
     begin_pattern(cfg, st);
     if (cfg->predict) {
         bool xy = cfg->needs_xy || lost;
-        ht_spill over; /* of no interest */
+        ht_carry over; /* of no interest */
         v = voltage(cfg, winding, &st->next, st->toggles, now, &in->i_A, &in->i_A, in->vdc_V,
-                    &st->spill, &over, xy);
+                    &st->carry, &over, xy);
         if (lost) {
             ht_ab r; /* rotor flux seen from the stator */
             r.alpha = estimate.psi_Wb.alpha - cfg->observer.sigma_ls_H * i.ab.alpha;
@@ -742,7 +742,7 @@ void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
     st->i_xy_A = i.xy;
     st->observer.i_A = i.ab;
     st->flow = ht_flow_of(&in->i_A, &cfg->dead);
-    st->spill.legs = 0u;
+    st->carry.legs = 0u;
     begin_pattern(cfg, st);
     if (cfg->shadow) {
         modulate(cfg, st, in, winding, aligning_pu(cfg, direction, i, in->vdc_V), out);

@@ -62,7 +62,7 @@ typedef enum {
 
 typedef struct {
     ht_observer_state observer;
-    ht_spill spill;
+    ht_carry carry;
     ht_applied active;    /**< on the legs during the period that just ended */
     ht_applied next;      /**< shadow load: on the legs from this sample on */
     ht_six i_A;           /**< phase currents of the latest sample */

@@ -1,6 +1,6 @@
 /** @file ht_foc_law.h
  *  Rotor-field-oriented control: PI regulators of the stator current in the frame of the rotor
- *  flux, and carrier modulation. It is a reference: what the field takes first.
+ *  flux, and carrier modulation. It is a reference: what most engineers would try first.
  *
  *  The rotor flux seen from the stator, r = psi - sigma L_s i, has the direction of the rotor flux.
  *  So u = r/|r| is the frame, and a product with its conjugate is the transformation: no angle, no

@@ -3,8 +3,8 @@
  *  that stays off.
  *
  *  The machine induces no voltage in x-y. There the voltage that the legs really make is
- *  R i + L_xy di/dt, which the currents show. What it exceeds the commanded voltage by is the
- *  residual. It is zero in a healthy drive, whatever the machine does. A leg k whose terminal is
+ *  R i + L_xy di/dt, which the currents show. The residual is this voltage minus the commanded
+ *  one. It is zero in a healthy drive, whatever the machine does. A leg k whose terminal is
  *  lower than commanded by u, because its upper switch does not conduct, makes a residual of -u/3
  *  along (cos 5 theta_k, sin 5 theta_k), and one whose lower switch does not conduct the opposite.
  *
@@ -27,7 +27,7 @@
  *  currents of its set do not add up to zero. This rules out a loss for a while; a smaller sum
  *  makes a larger residual necessary. (With two sensors a set this could not be told.)
  *
- *  Where a leg is lost already, the x-y current that is left has one direction, and so has the
+ *  Once a leg is lost, only one x-y direction remains for the current, and for the
  *  residual: it tells that another leg is lost, not which. The currents may tell (ht_leg_loss_dead).
  */
 #ifndef HT_LEG_LOSS_H

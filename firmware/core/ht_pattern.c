@@ -290,7 +290,7 @@ static float lost_pu(const ht_applied *a, const ht_toggles *toggles, const ht_de
  * before, which count in this one until the leg is switched back. */
 static ht_vsd leg_by_leg(const ht_applied *a, const ht_toggles *toggles, const ht_dead_time *dead,
                          unsigned legs, const ht_six *i_begin, const ht_six *i_end,
-                         const ht_spill *left, ht_spill *over)
+                         const ht_carry *left, ht_carry *over)
 {
     unsigned left_legs = left->legs;
     unsigned over_legs = 0u;
@@ -323,7 +323,7 @@ static ht_vsd leg_by_leg(const ht_applied *a, const ht_toggles *toggles, const h
 
 ht_vsd ht_volt_seconds(const ht_applied *a, const ht_toggles *toggles, const ht_dead_time *dead,
                        ht_flow flow, const ht_six *i_begin, const ht_six *i_end,
-                       const ht_spill *left, ht_spill *over, bool xy)
+                       const ht_carry *left, ht_carry *over, bool xy)
 {
     unsigned edges = a->rising | a->falling;
     ht_vsd v = a->mean_pu;

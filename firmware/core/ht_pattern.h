@@ -59,7 +59,7 @@ typedef struct {
 typedef struct {
     uint16_t legs;        /**< legs concerned, as a state word */
     float shift[HT_LEGS]; /**< remaining delay, per unit of the period */
-} ht_spill;
+} ht_carry;
 
 /** How the inverter's edges deviate from the commanded ones. */
 typedef struct {
@@ -104,6 +104,6 @@ ht_flow ht_flow_at_edges(const ht_applied *a, ht_flow begin, ht_flow end);
  *  x and y are right only with `xy`. `toggles` is used where a->own says so. */
 ht_vsd ht_volt_seconds(const ht_applied *a, const ht_toggles *toggles, const ht_dead_time *dead,
                        ht_flow flow, const ht_six *i_begin, const ht_six *i_end,
-                       const ht_spill *left, ht_spill *over, bool xy);
+                       const ht_carry *left, ht_carry *over, bool xy);
 
 #endif

@@ -15,7 +15,7 @@ from . import given
 from ._firmware import ffi, lib
 from .chips import BOARDS, DEVICES
 from .errors import InputError
-from .results import RESULTS, text_of
+from .results import RESULTS, text_of, waiting
 
 #: A struct or pointer of the C: cffi knows its type, a type checker does not.
 CData = Any
@@ -684,7 +684,10 @@ class Controller:
         self._check(result, asked)
 
     def start(self) -> None:
-        self._check(lib.ht_drive_start(self.drive), "start")
+        result = lib.ht_drive_start(self.drive)
+        if result == lib.HT_ERROR_RESTART:
+            raise FirmwareError(f"start: {waiting(lib.ht_drive_restart_wait(self.drive))}")
+        self._check(result, "start")
 
     def stop(self) -> None:
         lib.ht_drive_stop(self.drive)

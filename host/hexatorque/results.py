@@ -21,6 +21,11 @@ def _rows() -> dict[int, Result]:
 RESULTS = _rows()
 
 
+def waiting(seconds: int) -> str:
+    """Why a start must wait, and for how long."""
+    return f"{RESULTS[lib.HT_ERROR_RESTART].text}; a start is refused for another {seconds} s"
+
+
 def text_of(number: int, state: str) -> str:
     """What a result means to a drive in this state. A later firmware may know more of them."""
     row = RESULTS.get(number)

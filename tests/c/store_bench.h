@@ -4,6 +4,7 @@
 #define STORE_BENCH_H
 
 #include <setjmp.h>
+#include <stdlib.h>
 
 #include "ht_port_c2000.h"
 #include "ht_store_port.h"
@@ -30,5 +31,24 @@ ht_store_port bench_store(void);
 void bench_erase(void);
 /* A word of an area, to look at and to damage. */
 uint16_t *bench_word(unsigned area, unsigned word);
+
+/* The contents, in the style that is in force, of a word that was `was` and should have become `to`.
+ * half: it is in the first half of what was written. */
+static inline uint16_t bench_torn(uint16_t was, uint16_t to, bool half)
+{
+    uint16_t mask = (uint16_t)rand();
+    switch (bench.style) {
+    case CUT_HALF:
+        return half ? to : was;
+    case CUT_RANDOM:
+        return (uint16_t)((was & ~mask) | (to & mask));
+    case CUT_ZEROS: /* an erase begins with zeros on the F28335 */
+        return 0;
+    case CUT_COMPLETE:
+        return to;
+    default:
+        return was;
+    }
+}
 
 #endif

@@ -18,23 +18,7 @@ static void torn(uint16_t *at, const uint16_t *wanted, unsigned n)
     unsigned k;
     for (k = 0; k < n; k++) {
         uint16_t to = (wanted == NULL) ? HT_STORE_ERASED : wanted[k];
-        uint16_t mask = (uint16_t)rand();
-        switch (bench.style) {
-        case CUT_HALF:
-            at[k] = (k < n / 2) ? to : at[k];
-            break;
-        case CUT_RANDOM:
-            at[k] = (uint16_t)((at[k] & ~mask) | (to & mask));
-            break;
-        case CUT_ZEROS:
-            at[k] = 0;
-            break;
-        case CUT_COMPLETE:
-            at[k] = to;
-            break;
-        default:
-            break;
-        }
+        at[k] = bench_torn(at[k], to, k < n / 2);
     }
     longjmp(bench.off, 1);
 }

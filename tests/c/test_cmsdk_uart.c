@@ -3,17 +3,8 @@
  * */
 #include <stdio.h>
 
+#include "checks.h"
 #include "cmsdk_uart.h"
-
-static int failures;
-
-#define CHECK(condition)                                                   \
-    do {                                                                   \
-        if (!(condition)) {                                                \
-            printf("%s:%d: failed: %s\n", __FILE__, __LINE__, #condition); \
-            failures++;                                                    \
-        }                                                                  \
-    } while (0)
 
 /* Bits of STATE. */
 #define TX_FULL 1u

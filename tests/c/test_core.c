@@ -4,20 +4,11 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "checks.h"
 #include "ht_comparator.h"
 #include "ht_drive.h"
 #include "ht_limited.h"
 #include "ht_port_c2000.h"
-
-static int failures;
-
-#define CHECK(condition)                                                   \
-    do {                                                                   \
-        if (!(condition)) {                                                \
-            printf("%s:%d: failed: %s\n", __FILE__, __LINE__, #condition); \
-            failures++;                                                    \
-        }                                                                  \
-    } while (0)
 
 static int near(float a, float b)
 {

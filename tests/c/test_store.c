@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "checks.h"
 #include "ht_octets.h"
 #include "ht_store.h"
 #include "store_bench.h"
@@ -17,18 +18,9 @@
 #define LAST_BLOCK (1u + (HT_PARAMS + 3u) / 4u)
 #define COPY_WORDS ((LAST_BLOCK + 1u) * HT_STORE_WORDS)
 
-static int failures;
 static ht_drive drive;
 static ht_store store;
 static ht_params defaults;
-
-#define CHECK(condition)                                                  \
-    do {                                                                  \
-        if (!(condition)) {                                               \
-            printf("%s:%d: FAILED %s\n", __FILE__, __LINE__, #condition); \
-            failures++;                                                   \
-        }                                                                 \
-    } while (0)
 
 /* Values of a set that may change alone. They differ by `n`. */
 static ht_params set_of(unsigned n)

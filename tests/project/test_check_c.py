@@ -111,6 +111,23 @@ IN_TIME = (
     "    return both + ((uint32_t)a * b) + (uint32_t)(a + b) + ((s != 0u) ? a : b)\n"
     "        + (uint32_t)((float)a * (float)b);\n}"
 )
+#: The compiler computes these; none of its warnings knows them. Each has a line of its own.
+CONSTANT = {
+    "a product": "uint32_t ht_planted_0(void) { return 300u * 300u; }",
+    "a shift": "uint32_t ht_planted_1(void) { return (uint32_t)(0x1FFu << 8); }",
+    "a sum of enumerators": "uint32_t ht_planted_2(void) { return PLANTED_A + (PLANTED_B + 6u); }",
+    "a table": "static const uint32_t ht_planted_3[2] = {1u, 1000u * (100u - 1u)};",
+    "a float": "float ht_planted_4(void) { return (float)(256u * 256u); }",
+    "beside a variable": "uint32_t ht_planted_5(uint16_t n) { return n + 257u * 256u; }",
+    "a macro": "uint32_t ht_planted_6(void) { return PLANTED_C; }",
+}
+CONSTANT_HEAD = "enum { PLANTED_A = 60000u, PLANTED_B = 6000u };\n#define PLANTED_C (70u * 1000u)\n"
+#: In time, or not beyond 16 bits.
+CONSTANT_IN_TIME = (
+    "uint32_t ht_planted_7(void) { return 300u * (uint32_t)300u + 255u * 257u; }\n"
+    "uint32_t ht_planted_8(void) { return (1UL << 16) + (1u << 15) + (0u - 1u); }\n"
+    "uint32_t ht_planted_9(uint32_t n) { return n * 300u * 300u; }\n"
+)
 INDEX = (
     "uint16_t ht_planted(void);\nuint16_t ht_planted(void)\n{\n"
     "    static const uint16_t t[2] = {1u, 2u};\n    return t[2];\n}"
@@ -175,6 +192,18 @@ def test_what_is_made_of_a_narrow_product_is_found(tree):
     said = check(tree, "widths").stdout
     found = re.findall(r": ht_planted(?:_(\d+))?: 16 bits are multiplied or shifted", said)
     assert found == [str(n) for n in range(len(WIDENED))]
+
+
+@needs("clang")
+def test_constants_beyond_16_bits_are_found(tree):
+    first = len((tree / "firmware" / CORE).read_text().splitlines())
+    plant(tree, CORE, CONSTANT_HEAD + "\n".join(CONSTANT.values()) + "\n" + CONSTANT_IN_TIME)
+    planted = (tree / "firmware" / CORE).read_text().splitlines()
+    said = check(tree, "widths").stdout
+    found = re.findall(rf"{re.escape(CORE)}:(\d+): constants of 16 bits are", said)
+    names = {re.search(r"ht_planted_\d", planted[int(n) - 1])[0] for n in found}
+    assert len(found) == len(names) and min(map(int, found)) > first
+    assert names == {f"ht_planted_{n}" for n in range(len(CONSTANT))}
 
 
 #: What is planted in which file, and what cppcheck says of that file.

@@ -11,6 +11,7 @@ import pytest
 from doc_page import read_data
 
 from hexatorque import setups
+from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.methods.fsw import SLOW_HZ
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -163,6 +164,36 @@ def test_no_claim_hides_behind_another():
 @pytest.mark.parametrize("page", CLAIMS)
 def test_numbers_of_a_claim_are_those_of_its_source(page):
     assert numbers(CLAIMS[page]) == EXPECTED[page](), CLAIMS[page]
+
+
+def test_times_below_the_picture_are_those_of_the_example_and_of_the_study():
+    told = re.search(
+        r"It takes ([\d.]+) ms here, and ([\d.]+) ms in the median of (\d+) phases", README
+    ).groups()
+    example = setups.load(ROOT / "examples" / "lost-phase.toml")
+    ((broken_s, *_),) = example.profile.broken
+    sim = SimulatedDrive(example, 1)
+    sim.run_profile(example.profile)
+    rec = sim.take()
+    found_s = rec.time_s[np.flatnonzero(rec["warnings"])[0]]
+    assert float(told[0]) == pytest.approx(1e3 * (found_s - broken_s), abs=0.06)
+    page = (DOCS / "lost-phase.md").read_text()
+    _, count, median = re.search(r"\| open \| (\d+) of (\d+) \| ([\d.]+) ms", page).groups()
+    assert told[1:] == (median, count)
+
+
+def test_page_of_lost_phases_tells_how_many_arcs_it_has_seen():
+    text = (DOCS / "lost-phase.md").read_text()
+    runs, went_on = re.search(
+        r"All (\d+) runs .* each of the (\d+) drives that were to go on did", text
+    ).groups()
+    rows = table_after("lost-phase.md", "A phase opens with an arc:")
+    named, of = zip(*(map(int, row[1].split(" of ")) for row in rows))
+    assert str(sum(named)) == str(sum(of)) == runs and sum(of) >= 2000
+    assert {cell for row in rows for cell in row[2:4]} == {"0"}
+    on = [tuple(map(int, row["as it should be"].split(" of "))) for row in data("arcs")]
+    assert sum(right for right, _ in on) == sum(asked for _, asked in on) == int(went_on)
+    assert {row["a sound leg switched off"] for row in data("arcs")} == {"0"}
 
 
 def test_page_tells_what_freely_sampled_tables_reach():

@@ -29,21 +29,28 @@ def test_links_lead_somewhere(page):
             assert anchor in anchors(file), f"{page.name}: {target}"
 
 
-@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "docs/tutorial.md"])
-def test_files_that_are_named_exist(name):
-    """These pages tell where things are. A name without a folder is a file of the firmware or
-    of the plant."""
-    shown = re.sub(r"^```.*?^```|^    .*?$", "", (ROOT / name).read_text(), flags=re.S | re.M)
+#: Files that a command writes or a reader has, and one of TI's.
+ELSEWHERE = {
+    "my-drive.toml", "mine.toml", "mine-tuned.toml", "recording.json", "run.json", "table.json",
+    "budget.json", "dslite.sh",
+}  # fmt: skip
+#: A name without a folder, or with a part of it, is a file of one of these.
+HOMES = [
+    ROOT,
+    *(ROOT / "firmware" / room for room in ("", "core", "app", "link", "port", "port/c2000")),
+    *(ROOT / "host/hexatorque" / room for room in ("", "plant", "analysis", "drive", "laws")),
+    ROOT / "tests/c/fuzz",
+]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_that_are_named_exist(page):
+    shown = re.sub(r"^```.*?^```|^    .*?$", "", page.read_text(), flags=re.S | re.M)
     named = re.findall(r"`([\w./-]+\.(?:py|c|h|def|md|json|toml|sh))`", shown)
     named += re.findall(r"`((?:firmware|host|tests|tools|docs|examples)/[\w/]*)`", shown)
-    assert named
     for path in named:
-        if path.startswith("out/") or path == "my-drive.toml":  # the reader's own
-            continue
-        homes = [ROOT, *(ROOT / "firmware" / room for room in ("core", "app", "port"))]
-        homes.append(ROOT / "host" / "hexatorque" / "plant")
-        homes += [ROOT / "host" / "hexatorque" / room for room in ("analysis", "drive")]
-        assert any((home / path).exists() for home in homes), path
+        if not path.startswith("out/") and path not in ELSEWHERE:
+            assert any((home / path).exists() for home in HOMES), path
 
 
 def test_reader_of_readme_and_tutorial_finds_the_way():

@@ -11,9 +11,10 @@ from hexatorque import firmware
 from hexatorque.firmware import ffi, lib
 from hexatorque.results import RESULTS
 
-HOST = Path(__file__).resolve().parents[2] / "host" / "hexatorque"
+ROOT = Path(__file__).resolve().parents[2]
+HOST = ROOT / "host" / "hexatorque"
 PYTHON = sorted(HOST.rglob("*.py"))
-PAGE = sorted((HOST / "monitor" / "page").glob("*.js"))
+PAGE = sorted([*(HOST / "monitor" / "page").glob("*.js"), *(ROOT / "web").glob("*.js")])
 STATES = "|".join(firmware.STATES)
 #: A text of so many letters is no common expression.
 LONG = 20
@@ -55,7 +56,7 @@ def written(tree: ast.AST) -> str:
 
 
 def states_in(tree: ast.AST) -> list[int]:
-    """Lines that compare a state with a name."""
+    """Lines that compare a state with a name, or that list several."""
     found = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare):
@@ -65,7 +66,17 @@ def states_in(tree: ast.AST) -> list[int]:
             asked = any("state" in ast.unparse(side) for side in sides)
             if asked and set(names) & set(firmware.STATES):
                 found.append(node.lineno)
+        elif isinstance(node, ast.Tuple | ast.List | ast.Set):
+            listed = {one.value for one in node.elts if isinstance(one, ast.Constant)}
+            if len(listed) > 1 and listed <= set(firmware.STATES):
+                found.append(node.lineno)
     return found
+
+
+def states_in_javascript(source: str) -> list[str]:
+    asked = re.findall(rf"state\)? *[!=]==? *[\"'](?:{STATES})[\"']", source)
+    one = rf"[\"'](?:{STATES})[\"']"
+    return [*asked, *re.findall(rf"\[ *{one} *(?:, *{one} *)+,? *\]", source)]
 
 
 def shares_in(tree: ast.AST) -> set[float]:
@@ -77,8 +88,12 @@ def test_there_is_something_to_look_for():
     assert len(TEXTS) > 40 and SHARES == {0.885}
     for text in ("the machine turns faster", "a start without legs", "built-in: the saved set is"):
         assert any(found.startswith(text) for found in TEXTS)
-    asks = "x = drive.state == 'run'\ny = now.state in ('idle', 'run')\nz = 0.885 * x\n"
+    asks = "x = drive.state == 'run'\ny = now.state in ('idle', x)\nz = 0.885 * x\n"
     assert states_in(ast.parse(asks)) == [1, 2] and shares_in(ast.parse(asks)) == {0.885}
+    assert states_in(ast.parse("WORKING = ('calibrate', 'build', 'run')\n")) == [1]
+    assert states_in_javascript("if (now.state === 'run') f(['build', \"run\"]);") == [
+        "state === 'run'", "['build', \"run\"]",
+    ]  # fmt: skip
     says = "def f():\n    'link lost'\n    return f'{x}: the session has ended'"
     assert texts_in(written(ast.parse(says))) == {"the session has ended"}
 
@@ -94,4 +109,4 @@ def test_python_asks_the_tables(path):
 def test_the_page_asks_the_tables(path):
     source = path.read_text(encoding="utf-8")
     assert texts_in(source) == set()
-    assert re.findall(rf"state\)? *[!=]==? *[\"'](?:{STATES})[\"']", source) == []
+    assert states_in_javascript(source) == []

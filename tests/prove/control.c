@@ -57,7 +57,7 @@ ht_flow ht_flow_at_edges(const ht_applied *a, ht_flow begin, ht_flow end)
 
 ht_vsd ht_volt_seconds(const ht_applied *a, const ht_toggles *toggles, const ht_dead_time *dead,
                        ht_flow flow, const ht_six *i_begin, const ht_six *i_end,
-                       const ht_spill *left, ht_spill *over, bool xy)
+                       const ht_carry *left, ht_carry *over, bool xy)
 {
     MUST(HT_IS_PATTERN(*a));
     MUST(HT_IS_WORD(flow.out) && HT_IS_WORD(flow.in) && HT_IS_WORD(left->legs));
@@ -359,7 +359,7 @@ static void any_pattern(ht_applied *a)
 
 static bool is_state(const ht_control_config *cfg, const ht_control_state *st)
 {
-    return HT_IS_PATTERN(st->active) && HT_IS_PATTERN(st->next) && HT_IS_WORD(st->spill.legs)
+    return HT_IS_PATTERN(st->active) && HT_IS_PATTERN(st->next) && HT_IS_WORD(st->carry.legs)
            && HT_IS_WORD(st->flow.out) && HT_IS_WORD(st->flow.in) && HT_IS_SECTOR(st->sector)
            && is_law_state(&cfg->table_law, &st->table_law)
            && HT_IS_XY_STATE(st->deadbeat_law.xy, XY_LIMIT_DEADBEAT)
@@ -383,7 +383,7 @@ static void promise_observe(const ht_control_config *cfg, ht_control_state *st,
     if (cfg->shadow) {
         st->active = st->next;
     }
-    st->spill.legs = nondet_uint16();
+    st->carry.legs = nondet_uint16();
     st->flow = any_flow();
     st->estimate = any_estimate();
     st->decided = any_estimate();
@@ -416,7 +416,7 @@ static void any_step(ht_control_config *cfg, ht_control_state *st, ht_control_in
     GIVEN((cfg->table_law.xy_limit_pu > 0.0f) && (cfg->table_law.xy_limit_pu < 1.0f));
     any_pattern(&st->active);
     any_pattern(&st->next);
-    st->spill.legs = nondet_uint16();
+    st->carry.legs = nondet_uint16();
     st->flow = any_flow();
     st->sector = nondet_uint16();
     st->lost.axes = nondet_uint16();

@@ -213,20 +213,20 @@ void prove_volt_seconds(void)
     ht_flow flow;
     ht_six begin = any_six();
     ht_six end = any_six();
-    ht_spill spill;
+    ht_carry carry;
     int n;
     any_pattern(&a, toggles);
     flow.out = nondet_uint16();
     flow.in = nondet_uint16();
     for (n = 0; n < HT_LEGS; n++) {
-        spill.shift[n] = nondet_float();
+        carry.shift[n] = nondet_float();
     }
-    spill.legs = nondet_uint16();
+    carry.legs = nondet_uint16();
     dead.dead_pu = nondet_float();
     dead.i_zero_A = nondet_float();
-    GIVEN(HT_IS_WORD(flow.out) && HT_IS_WORD(flow.in) && HT_IS_WORD(spill.legs));
-    (void)ht_volt_seconds(&a, toggles, &dead, flow, &begin, &end, &spill, &spill, nondet_bool());
-    MUST(HT_IS_WORD(spill.legs));
+    GIVEN(HT_IS_WORD(flow.out) && HT_IS_WORD(flow.in) && HT_IS_WORD(carry.legs));
+    (void)ht_volt_seconds(&a, toggles, &dead, flow, &begin, &end, &carry, &carry, nondet_bool());
+    MUST(HT_IS_WORD(carry.legs));
 }
 
 static float promise_lost_pu(const ht_applied *a, const ht_toggles *toggles,

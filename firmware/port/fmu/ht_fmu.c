@@ -359,6 +359,11 @@ static ht_fmu_status command(const ht_fmu *f, const char *name, ht_result result
     }
     result_text(f, result, text);
     (void)snprintf(line, HT_FMU_LINE, "%s: %.300s", name, text);
+    if (result == HT_ERROR_RESTART) {
+        size_t end = strlen(line);
+        (void)snprintf(line + end, HT_FMU_LINE - end, "; a start is refused for another %u s",
+                       (unsigned)ht_drive_restart_wait(&f->s.drive));
+    }
     return ht_fmu_tell(f, HT_FMU_WARNING, line);
 }
 

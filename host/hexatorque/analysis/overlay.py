@@ -60,7 +60,7 @@ class Trace:
 
     @property
     def title(self) -> str:
-        """Of the set-up or scenario that was recorded."""
+        """The title of the set-up or scenario that was recorded."""
         title = self.rec.meta.get("title")
         return title if isinstance(title, str) else ""
 

@@ -10,7 +10,7 @@ from ..plant.legs import HIGH, LOW, OFF
 
 @njit(cache=True)
 def _mean_square(a, b):
-    """Of a straight line from a to b."""
+    """The mean square along a straight line from a to b."""
     return (a * a + a * b + b * b) / 3
 
 

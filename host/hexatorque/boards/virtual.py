@@ -42,6 +42,8 @@ QUIET_S = 0.006
 #: A process that could not run for longer than this does not catch up. On a busy computer the
 #: client could not run either, and its heartbeats would then be too late in simulated time.
 LATE_S = 0.05
+#: How long a power stage that has found a fault holds the trip pin low, if nothing else is told.
+TRIP_PIN_S = 0.001
 #: Memory for captures, in values, as in the image for the F28377S.
 CAPTURE_VALUES = 20480
 
@@ -132,6 +134,10 @@ class VirtualBoard:
     real time, by which the watchdog time is multiplied; store: the file in which the board saves
     its parameters; without it, it cannot save any."""
 
+    _ran_s = 0.0
+    #: Coming levels of the trip pin: when, and which.
+    _pin: tuple[tuple[float, int], ...] = ()
+
     def __init__(
         self,
         setup: Setup,
@@ -166,10 +172,26 @@ class VirtualBoard:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def pull_trip_pin(self, after_s: float, for_s: float = TRIP_PIN_S) -> None:
+        """Pull the trip pin low in `after_s` simulated seconds, as a power stage does that reports
+        a fault, and release it `for_s` later."""
+        low_s = self._ran_s + after_s
+        self._pin = tuple(sorted([*self._pin, (low_s, 0), (low_s + for_s, 1)]))
+
     def run(self, duration_s: float, record: bool = False) -> None:
         """Simulate `duration_s`. `record`: the simulation records samples for `take`."""
         self.sim.follow_timers()  # a client may have changed f_isr_Hz
-        self.sim.run(duration_s, record=record)
+        end_s = self._ran_s + duration_s
+        while self._pin and self._pin[0][0] <= end_s:
+            (at_s, level), self._pin = self._pin[0], self._pin[1:]
+            self._run(at_s - self._ran_s, record)
+            self.sim.controller.set_trip_pin(level)
+        self._run(end_s - self._ran_s, record)
+
+    def _run(self, duration_s: float, record: bool) -> None:
+        if duration_s > 0:
+            self.sim.run(duration_s, record=record)
+            self._ran_s += duration_s
 
     def take(self) -> Recording:
         """The simulation's own recording, with which a client's recording can be compared."""

@@ -77,6 +77,18 @@ def break_given(text: str) -> tuple[str, str, float]:
     raise click.BadParameter(f"{text!r}: allowed range of the time is 0 .. {MOST_AFTER_S:g} s")
 
 
+def trip_pin_given(text: str) -> tuple[float, float | None]:
+    """Begin and length of a --trip-pin option: 5, or 5+2."""
+    after, plus, length = text.partition("+")
+    with suppress(ValueError):
+        after_s, for_s = real(after), real(length) if plus else None
+        if 0 <= after_s <= MOST_AFTER_S and (for_s is None or 0 < for_s <= MOST_AFTER_S):
+            return after_s, for_s
+    raise click.BadParameter(
+        f"{text!r}: SECONDS or SECONDS+LENGTH is needed, both up to {MOST_AFTER_S:g} s"
+    )
+
+
 def schemes_given(text: str | None, laws: bool = False) -> list[str]:
     """The schemes of a --schemes option; all of the firmware without one. `laws`: references, and
     files with a law, are among them."""
@@ -136,7 +148,9 @@ quick = click.option("--quick", is_flag=True, help="fewer cases, shorter runs")
 
 
 def folder(default: str):
-    return file("-o", "--output", metavar="DIR", default=Path(default), help="for the results")
+    return file(
+        "-o", "--output", metavar="DIR", default=Path(default), help="folder for the results"
+    )
 
 
 def setup(default: str | None, without: str | None = None):
@@ -145,21 +159,24 @@ def setup(default: str | None, without: str | None = None):
         "--setup",
         metavar="NAME|FILE",
         default=default,
-        help=without and f"default: {without}",
+        help="a built-in set-up or a file" + (f"; default: {without}" if without else ""),
         shell_complete=completion.setup,
     )
 
 
 schemes = value(
-    "--schemes", metavar="A,B,...", help="default: all", shell_complete=completion.schemes
+    "--schemes",
+    metavar="A,B,...",
+    help="control schemes; default: all",
+    shell_complete=completion.schemes,
 )
 schemes_or_laws = value(
     "--schemes",
     metavar="A,B,...",
-    help="also references and files with a law; default: all of the firmware",
+    help="control schemes, references and files with a law; default: all schemes of the firmware",
     shell_complete=completion.schemes_or_laws,
 )
-load = value("--load", metavar="NM", type=number, help="default: the set-up's point")
+load = value("--load", metavar="NM", type=number, help="load torque; default: the set-up's point")
 
 
 settings = value(
@@ -181,24 +198,28 @@ def point(without: str, schemes=schemes):
             "--speed",
             metavar="RPM",
             type=number,
-            help="default: the set-up's point, or half of rated speed",
+            help="speed; default: the set-up's point, or half of rated speed",
         ),
         load,
         settings,
     )
 
 
-baud = value("--baud", metavar="N", type=line_rate, help="default: those of the images")
+baud = value(
+    "--baud", metavar="N", type=line_rate, help="rate of the line; default: those of the images"
+)
 #: Which board.
 board = together(
     value(
         "--device",
         metavar="PORT",
-        help="/dev/ttyUSB0, socket://host:port; default: the only board",
+        help="the board's: /dev/ttyUSB0, socket://host:port; default: the only board",
     ),
     baud,
 )
-duration = value("--duration", metavar="S", type=seconds, help="default: until Ctrl-C")
+duration = value(
+    "--duration", metavar="S", type=seconds, help="seconds to run; default: until Ctrl-C"
+)
 #: What is set before a start.
 before_start = together(
     value(

@@ -102,7 +102,9 @@ def new(file, nameplate, circuit, magnets, force) -> int:
 @click.argument("setup", metavar="NAME|FILE", shell_complete=completion.setup)
 @options.schemes
 @options.settings
-@click.option("--all", "everything", is_flag=True, help="also what is in order: the whole table")
+@click.option(
+    "--all", "everything", is_flag=True, help="show also what is in order: the whole table"
+)
 @options.as_json
 def check(setup, schemes, settings, everything, as_json) -> int:
     """Review a set-up before anything runs.

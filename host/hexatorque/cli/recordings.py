@@ -28,12 +28,14 @@ from .output import complain, console_of, print_json
     shell_complete=completion.files,
     help=f"{suffixes_text()}, or {PART} of one never closed; @S: time of its trigger",
 )
-@options.value("--channels", metavar="A,B,...", help="default: the main ones all have")
+@options.value(
+    "--channels", metavar="A,B,...", help="channels to draw; default: the main ones that all have"
+)
 @options.value(
     "--align",
     metavar="HOW",
-    help="trigger, start or none; default: none with --shift, trigger if all have one, else start "
-    "if several",
+    help="what all have at time 0: trigger, start or none; default: none with --shift, trigger if "
+    "all have one, else start if several",
 )
 @options.value("--window", metavar="T0,T1", help="seconds to show, after alignment")
 @options.of_tables

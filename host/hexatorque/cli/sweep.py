@@ -43,7 +43,7 @@ SETUP = "paper-a-feasible"
 @options.value(
     "--schemes",
     metavar="A,B,...",
-    help="default: the file's, or the set-up's",
+    help="control schemes; default: the file's, or the set-up's",
     shell_complete=completion.schemes,
 )
 @options.value(
@@ -55,9 +55,13 @@ SETUP = "paper-a-feasible"
     shell_complete=completion.metric,
 )
 @options.value("--cycle", metavar="FILE.csv", help="a drive cycle in place of the study's")
-@options.value("--jobs", metavar="N", type=options.whole, help="at once; default: all cores")
-@options.value("--scheduler", metavar="ADDRESS", help="of a Dask cluster that makes the runs")
-@options.value("--time-limit", metavar="S", type=options.seconds, default="300", help="of a run")
+@options.value(
+    "--jobs", metavar="N", type=options.whole, help="parallel runs; default: number of cores"
+)
+@options.value("--scheduler", metavar="ADDRESS", help="Dask cluster that makes the runs")
+@options.value(
+    "--time-limit", metavar="S", type=options.seconds, default="300", help="longest time of a run"
+)
 @options.folder("out/sweep")
 @click.option("--resume", is_flag=True, help="go on with the study in the folder")
 @options.as_json

@@ -14,8 +14,10 @@ from .output import console_of, print_json
 )
 @click.argument("names", metavar="[NAME|FILE]...", nargs=-1, shell_complete=completion.setup)
 @options.as_json
-@click.option("--schema", is_flag=True, help="JSON Schema of their files, for editors.")
-@click.option("--schemes", is_flag=True, help="Control schemes instead: their source and options.")
+@click.option("--schema", is_flag=True, help="JSON Schema of their files, for editors")
+@click.option(
+    "--schemes", is_flag=True, help="show the control schemes instead: their source and options"
+)
 def setups(names, as_json, schema, schemes) -> int:
     """Built-in set-ups or those named: each value with its source."""
     from rich.table import Table

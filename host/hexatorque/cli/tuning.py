@@ -29,7 +29,10 @@ JOURNAL = "study.journal"
 )
 @click.argument("setup", metavar="NAME|FILE", shell_complete=completion.setup)
 @options.value(
-    "--scheme", metavar="NAME", help="default: the set-up's", shell_complete=completion.scheme
+    "--scheme",
+    metavar="NAME",
+    help="scheme to tune; default: the set-up's",
+    shell_complete=completion.scheme,
 )
 @options.settings
 @options.value(
@@ -45,8 +48,10 @@ JOURNAL = "study.journal"
     default=96,
     help="candidates in all, those of a resumed study too",
 )
-@options.value("--seed", metavar="N", type=options.whole, default=1, help="of the search")
-@options.value("--jobs", metavar="N", type=options.whole, help="at once; default: all cores")
+@options.value("--seed", metavar="N", type=options.whole, default=1, help="seed of the search")
+@options.value(
+    "--jobs", metavar="N", type=options.whole, help="parallel runs; default: number of cores"
+)
 @options.folder("out/tune")
 @click.option("--resume", is_flag=True, help="go on with the study in the folder")
 @options.as_json

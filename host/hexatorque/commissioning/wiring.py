@@ -8,6 +8,9 @@ If an order explains the matrix, the sensors are right, and it is the order of t
 does, a sensor is wrong: a channel then measures the leg at which it answers most, and the answer's
 sign is the sensor's.
 
+A leg that drives no current, or one way only, changes what all channels answer, so that nothing
+else can be told from them: it alone is named.
+
 Exchanging the two planes is an order of the leads as well, and looks the same with the planes'
 conductances exchanged. Two things tell them apart. The alpha-beta plane, with the rotor's leakage
 too, mostly conducts less. And in a longer wave the rotor's resistance adds to the stator's there.
@@ -20,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..plant.vsd import ANGLES_RAD, INVERSE, PHASES, TRANSFORM
+from ..plant.vsd import ANGLES_RAD, INVERSE, PHASES, SETS, TRANSFORM
 from .excitation import CommissioningError, Excitation, Samples, half_wave_Hz, on_leg
 from .regression import linear
 
@@ -34,6 +37,9 @@ AIM = 0.3
 GROWTH = 1.4
 #: A channel or leg below this share of the largest answer is dead.
 DEAD = 0.15
+#: A current of the wave that has less than this share of its size in one direction flows one way
+#: only. One of a whole leg has 0.6 or more, also beside a leg that lacks a switch.
+ONE_WAY = 0.25
 #: Gains of two channels may differ by this share.
 GAIN = 0.2
 #: What an order may leave unexplained, share of the matrix's rms: readings are noisy, a stator may
@@ -66,7 +72,11 @@ class Wiring:
 
 def check(test: Excitation) -> Wiring:
     """Sensors and leads; if they seem right, also whether the planes are exchanged."""
-    found = decide(measure(test))
+    waves = _waves(test)
+    response = _matrix(waves)
+    if not without_current(response) and (mistakes := one_way(waves, response)):
+        return Wiring(tuple(mistakes), response)
+    found = decide(response)
     if not found.mistakes and exchanged(test, found):
         swapped = _words(_other_planes(found.response_per_H))
         return replace(found, mistakes=swapped)
@@ -79,6 +89,8 @@ def decide(response: np.ndarray) -> Wiring:
     fits = fit(response, every)
     if fits.unexplained.min() < UNEXPLAINED:
         return _leads(response, fits, [])
+    if mistakes := without_current(response):
+        return Wiring(tuple(mistakes), response)
     mistakes, legs, scale = sensors(response)
     read = np.flatnonzero(scale)
     fits = fit(response[read] / scale[read, None], legs[read])
@@ -101,7 +113,7 @@ def _leads(response: np.ndarray, fits: Fits, mistakes: list[str]) -> Wiring:
 
 
 def _simplest(fits: Fits) -> int:
-    """Of the orders that fit alike the one with the fewest leads to move; first those whose
+    """Among the orders that fit alike, the one with the fewest leads to move; first those whose
     alpha-beta plane conducts less."""
     alike = np.flatnonzero(fits.unexplained <= 1.2 * fits.unexplained.min() + 1e-9)
     moved = (ORDERS[alike] != np.arange(6)).sum(1)
@@ -153,6 +165,15 @@ def _resistance(test: Excitation, axis: int, per_H: float) -> float:
 
 def measure(test: Excitation) -> np.ndarray:
     """Slope of every channel per volt on every leg, (6, 6)."""
+    return _matrix(_waves(test))
+
+
+def _matrix(waves: list[Samples]) -> np.ndarray:
+    return np.column_stack([_slopes(wave, leg) for leg, wave in enumerate(waves)])
+
+
+def _waves(test: Excitation) -> list[Samples]:
+    """A short wave on each leg in turn."""
     vdc_V = test.vdc_V
     hertz = half_wave_Hz(test.f_isr_Hz, SHORT_TICKS)
     volts = 0.01 * vdc_V
@@ -167,7 +188,7 @@ def measure(test: Excitation) -> np.ndarray:
             f"no current at {volts:.0f} V on each leg in turn: are motor, gate drivers and current "
             "sensors connected, and does --current suit the sensors' range?"
         )
-    return np.column_stack([_slopes(wave, leg) for leg, wave in enumerate(waves)])
+    return waves
 
 
 def _wave(test: Excitation, vector_V: np.ndarray, hertz: float) -> Samples:
@@ -192,6 +213,53 @@ def _slopes(wave: Samples, leg: int) -> np.ndarray:
     return v[whole] @ slope[whole] / (v[whole] @ v[whole])
 
 
+# -- legs without a current ------------------------------------------------------------------
+
+
+def without_current(response: np.ndarray) -> list[str]:
+    """The legs whose voltage drives no current. Two open leads of a star leave its third phase
+    without a current, too."""
+    size = np.abs(response).max(0)
+    dead = size < DEAD * size.max()
+    mistakes = []
+    for star in SETS:
+        names = [PHASES[leg] for leg in star if dead[leg]]
+        if len(names) == len(star):
+            mistakes.append(
+                f"legs {', '.join(names)}: their voltages drive no current: two of their leads or "
+                "all three are open, or their gates do not switch"
+            )
+        else:
+            mistakes += [
+                f"leg {name}: its voltage drives no current: lead open, or its gates do not switch"
+                for name in names
+            ]
+    return _first(mistakes)
+
+
+def one_way(waves: list[Samples], response: np.ndarray) -> list[str]:
+    """The legs one of whose switches stays off. The wave's current then flows through the other
+    one and its diode only."""
+    mistakes = []
+    for leg, wave in enumerate(waves):
+        out_A, into_A = wave.i_A.max(0), -wave.i_A.min(0)
+        channel = int(np.argmax(np.maximum(out_A, into_A)))
+        small_A, large_A = sorted((out_A[channel], into_A[channel]))
+        if small_A < ONE_WAY * large_A:
+            out = (out_A[channel] > into_A[channel]) == (response[channel, leg] > 0)
+            mistakes.append(
+                f"leg {PHASES[leg]}: its current flows one way only: its "
+                f"{'lower' if out else 'upper'} switch stays off"
+            )
+    return _first(mistakes)
+
+
+def _first(mistakes: list[str]) -> list[str]:
+    if mistakes:
+        mistakes[-1] += "; what else may be wrong is seen when this is mended"
+    return mistakes
+
+
 # -- sensors ---------------------------------------------------------------------------------
 
 
@@ -202,17 +270,12 @@ def sensors(response: np.ndarray) -> tuple[list[str], np.ndarray, np.ndarray]:
     answers = size.max(1)
     legs = size.argmax(1)
     usual = float(np.median(answers))
-    driven = size.max(0) >= DEAD * size.max()
     scale = response[np.arange(6), legs] / usual
     scale[np.abs(scale) < DEAD] = 0.0
-    mistakes = [
-        f"leg {PHASES[leg]}: its voltage drives no current: lead open, or its gates do not switch"
-        for leg in np.flatnonzero(~driven)
-    ]
+    mistakes: list[str] = []
     for channel, name in enumerate(PHASES):
         if scale[channel] == 0.0:
-            if driven[channel]:
-                mistakes.append(f"current sensor {name}: reads nothing: open, or without supply")
+            mistakes.append(f"current sensor {name}: reads nothing: open, or without supply")
             continue
         if legs[channel] != channel:
             mistakes.append(f"current sensor {name}: measures leg {PHASES[legs[channel]]}")

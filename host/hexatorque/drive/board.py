@@ -521,6 +521,13 @@ class BoardDrive(DriveVerbs):
             decimation = decimation_for(self.hello.f_isr_Hz, rate_Hz)
         return Stream(self.client, self.hello, self.dictionary, channels, decimation)
 
+    @property
+    def warnings(self) -> list[str] | None:
+        """What the drive warns of, until `clear` or the next start. None if other clients use all
+        streams or the whole line."""
+        now = self.latest(("warnings",))
+        return None if now is None else warnings(int(now["warnings"]))
+
     def latest(self, names: Sequence[str]) -> dict[str, float] | None:
         """The channels' values now, name -> number in its unit. None if other clients use all
         streams or the whole line."""

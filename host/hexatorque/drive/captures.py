@@ -115,7 +115,7 @@ class Burst:
     def named(
         cls, names: Sequence[str], samples: int, pre: int, trigger: str, prescaler: int
     ) -> Burst:
-        """Of the firmware's channels of these names. SetupError if there is none of one."""
+        """A capture of the channels of these names. SetupError if the firmware has none of one."""
         what = Trigger.parse(trigger)
         on = {"fault": "faults"}.get(what.kind, what.channel or "state")
         known = [name for name, _ in channels()]

@@ -12,14 +12,12 @@ import numpy as np
 from ..chips import BOARDS
 from ..firmware import FAULTS, PHASE_LOST, Snapshot, board_of, ffi, lib, parameters
 from ..plant.machines import DISPLACEMENTS_DEG
-from ..plant.vsd import PHASES, transform
+from ..plant.vsd import PHASES, SETS, transform
 
 #: A parameter's value by name.
 Get = Callable[[str], float]
 #: The parameters that tell whether a drive trips on the way to its speed reference.
 WAY_TO_SPEED = ("start_mode", "control_mode", "speed_ref_rpm", "speed_trip_rpm")
-#: Phases of each winding set, which its own neutral joins.
-SETS = ((0, 2, 4), (1, 3, 5))
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ EVERYTHING = ("",)
 
 @lru_cache
 def digest(names: tuple[str, ...] = MEASURING) -> str:
-    """Of these files and folders of the package, and of the compiled firmware."""
+    """A check sum over these files and folders of the package and the compiled firmware."""
     package = Path(__file__).parents[1]
     found = hashlib.sha256()
     for name in names:

@@ -614,35 +614,25 @@ def _beyond_V(inv, m, load, y, vdc):
 
 
 @compiled
-def _step_to_rail(inv, m, load, y, h, vdc):
-    """If the voltage of a floating leg leaves the rails in a step of h from y to `inv.trial`: step
-    to that instant instead, with `inv.trial` the state there. Returns the time taken.
+def _locate(inv, m, load, y, h, vdc, floats, of_link, early, late, aim, near):
+    """Step from y to where a voltage is `aim` beyond its threshold, give or take `near`: the link's
+    (`of_link`), or a floating leg's. `early` is how far it is beyond `aim` at y, where it is not
+    yet, `late` after a step of h. Returns the time taken, with `inv.trial` the state there.
 
-    In dead times a leg's voltage leaves the rails at an edge. Near a broken leg it may do so at any
-    time, and a diode that starts late would be an error that adds up. The instant is located beyond
-    the margin at which `_leg_voltages` opens the diode, so that it does this at once.
+    The secant rule between an instant before and one after. If the same end stays twice, the
+    other one's weight is halved (the Illinois rule).
     """
-    margin = FORWARD * vdc
-    floats = np.bool_(True)
     trial = inv.trial[:]
-    late = _beyond_V(inv, m, load, trial, vdc)
-    if late <= 2.0 * margin:
-        return h
-    early = _beyond_V(inv, m, load, y, vdc)
-    if early > 0.0:
-        return h
-    # The secant rule between an instant before and one after. If the same end stays twice, the
-    # other one's weight is halved (the Illinois rule).
     t0, t1, t = 0.0, h, h
-    aim = 1.5 * margin
-    early -= aim
-    late -= aim
     side = 0
     for _ in range(MAX_SECANTS):
         t = t0 + (t1 - t0) * early / (early - late)
         _step(inv, m, load, y, t, vdc, floats, trial)
-        beyond = _beyond_V(inv, m, load, trial, vdc) - aim
-        if abs(beyond) < 0.5 * margin:
+        if of_link:
+            beyond = beyond_link(inv.link, inv.link.trial) - aim
+        else:
+            beyond = _beyond_V(inv, m, load, trial, vdc) - aim
+        if abs(beyond) < near:
             break
         if beyond > 0.0:
             t1, late = t, beyond
@@ -655,6 +645,28 @@ def _step_to_rail(inv, m, load, y, h, vdc):
                 late *= 0.5
             side = -1
     return t
+
+
+@compiled
+def _step_to_rail(inv, m, load, y, h, vdc):
+    """If the voltage of a floating leg leaves the rails in a step of h from y to `inv.trial`: step
+    to that instant instead, with `inv.trial` the state there. Returns the time taken.
+
+    In dead times a leg's voltage leaves the rails at an edge. Near a broken leg it may do so at any
+    time, and a diode that starts late would be an error that adds up. The instant is located beyond
+    the margin at which `_leg_voltages` opens the diode, so that it does this at once.
+    """
+    margin = FORWARD * vdc
+    late = _beyond_V(inv, m, load, inv.trial[:], vdc)
+    if late <= 2.0 * margin:
+        return h
+    early = _beyond_V(inv, m, load, y, vdc)
+    if early > 0.0:
+        return h
+    aim = 1.5 * margin
+    floats = np.bool_(True)
+    leg = np.bool_(False)
+    return _locate(inv, m, load, y, h, vdc, floats, leg, early - aim, late - aim, aim, 0.5 * margin)
 
 
 @compiled
@@ -674,27 +686,10 @@ def _step_to_switching(inv, m, load, y, h, vdc, floats):
     if late <= 2.0 * LOCATED:
         return h
     early = beyond_link(inv.link, inv.link.x) - LOCATED
-    late -= LOCATED
-    trial = inv.trial[:]
-    t0, t1, t = 0.0, h, h
-    side = 0
-    for _ in range(MAX_SECANTS):
-        t = t0 + (t1 - t0) * early / (early - late)
-        _step(inv, m, load, y, t, vdc, floats, trial)
-        beyond = beyond_link(inv.link, inv.link.trial) - LOCATED
-        if abs(beyond) < 0.5 * LOCATED:
-            break
-        if beyond > 0.0:
-            t1, late = t, beyond
-            if side > 0:
-                early *= 0.5
-            side = 1
-        else:
-            t0, early = t, beyond
-            if side < 0:
-                late *= 0.5
-            side = -1
-    return t
+    link = np.bool_(True)
+    return _locate(
+        inv, m, load, y, h, vdc, floats, link, early, late - LOCATED, LOCATED, 0.5 * LOCATED
+    )
 
 
 @compiled

@@ -16,6 +16,8 @@ from __future__ import annotations
 import numpy as np
 
 PHASES = ("u1", "u2", "w1", "w2", "v1", "v2")
+#: Phases of each winding set, which its own neutral joins.
+SETS = ((0, 2, 4), (1, 3, 5))
 
 
 def angles_rad(displacement_deg: float = 30.0) -> np.ndarray:

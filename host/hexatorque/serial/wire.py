@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from cobs import cobs
 
 from .._firmware import ffi, lib
-from ..results import RESULTS
+from ..results import waiting
 
 if TYPE_CHECKING:
     import numpy as np
@@ -259,7 +259,7 @@ def refusal(reply: Reply) -> str:
         return f"samples: allowed range is 1 .. {unpack('I', reply.payload)[0]}"
     if reply.status == Status.RESTART:
         (wait_s,) = unpack("H", reply.payload)
-        return f"{RESULTS[reply.status].text}; a start is refused for another {wait_s} s"
+        return waiting(wait_s)
     return ""
 
 

@@ -3,17 +3,20 @@
 The comparators keep the torque within bands that lie on one side of the reference, and one period
 moves it further up than down, or further down than up. The mean of such a saw is not the reference.
 By how much it is off follows from the firmware's own law, which is followed here period by period
-on an ideal machine: one voltage a period, nothing between the law and the flux, constant speed.
+on an ideal machine: one voltage a period, nothing between the law and the flux but the shortest
+pulse, constant speed.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from .design import rad_s
+from .short_pulses import Made, Words
 
 if TYPE_CHECKING:
     from ..firmware import Controller
@@ -30,10 +33,13 @@ SETTLE, SETTLE_MOST = 5, 2000
 
 @dataclass(frozen=True)
 class Held:
-    """Mean torque less reference, negative if less is held than asked, and the reference; N m."""
+    """Mean torque less reference, negative if less is held than asked, and the reference; N m.
+    words: what the law asked for in each period; vectors: the voltage of each state word."""
 
     error_Nm: float
     asked_Nm: float
+    words: Sequence[Words] = ()
+    vectors: Sequence[complex] = ()
 
     @property
     def error_pct(self) -> float:
@@ -44,10 +50,10 @@ class Held:
 def held(d: Design, controller: Controller, speed_rpm: float, load_Nm: float) -> Held:
     """What the controller's switching table makes of the reference with which it holds this load at
     this speed."""
-    seen = _followed(d, controller, speed_rpm, load_Nm)
+    seen, words, vectors = _followed(d, controller, speed_rpm, load_Nm)
     torque_Nm, asked_Nm = (sum(values) / len(seen) for values in zip(*seen))
     error_Nm = torque_Nm - asked_Nm
-    return Held(-error_Nm if asked_Nm < 0 else error_Nm, asked_Nm)
+    return Held(-error_Nm if asked_Nm < 0 else error_Nm, asked_Nm, words, vectors)
 
 
 def flux_at_Wb(d: Design, reach_pu: float, speed_rpm: float, torque_Nm: float) -> float:
@@ -62,8 +68,9 @@ def flux_at_Wb(d: Design, reach_pu: float, speed_rpm: float, torque_Nm: float) -
 
 def _followed(
     d: Design, c: Controller, speed_rpm: float, torque_Nm: float
-) -> list[tuple[float, float]]:
-    """Torque and reference at the control instants, once they have settled. torque_Nm: the load."""
+) -> tuple[list[tuple[float, float]], list[Words], list[complex]]:
+    """Torque and reference at the control instants, once they have settled, and the law's words;
+    each word's voltage. torque_Nm: the load."""
     from ..firmware import ffi, lib
 
     m, ts, vdc_V = d.machine, d.period_s, d.vdc_V
@@ -84,6 +91,7 @@ def _followed(
     vectors = [
         (vdc_V * complex(v.ab.alpha, v.ab.beta), vdc_V * complex(v.xy.x, v.xy.y)) for v in turned
     ]
+    made = Made(ffi.addressof(c.drive.config.control, "period"))
     sector_of = lib.ht_sector_of_six if winding else lib.ht_sector
 
     kr = m.lm_H / m.lr_H
@@ -98,6 +106,7 @@ def _followed(
     turn = cmath.exp(1j * m.pole_pairs * rad_s(speed_rpm) * ts)
     xy = 0j
     coming = (0j, 0j)
+    before = 0
 
     omega = abs(m.pole_pairs * rad_s(speed_rpm)) + d.slip_rad_s(torque_Nm)
     turns = math.ceil(TURNS * 2 * math.pi / (omega * ts)) if omega > 0 else MOST
@@ -105,6 +114,7 @@ def _followed(
     settle = min(SETTLE_MOST, round(SETTLE * max(d.sigma * d.rotor_s / ts, FOLLOW)))
     asked_Nm = torque_Nm
     found: list[tuple[float, float]] = []
+    decided_on: list[Words] = []
     for n in range(settle + count):
         current = (psi - kr * rotor) / m.sigma_ls_H
         t_Nm = gain * (psi.real * current.imag - psi.imag * current.real)
@@ -117,15 +127,19 @@ def _followed(
         psi_xy.x, psi_xy.y = xy.real, xy.imag
         seen.i_xy_A.x, seen.i_xy_A.y = xy.real / m.lxy_H, xy.imag / m.lxy_H
         seen.sector = sector_of(decided.psi_Wb)
-        seen.before = words[2]
+        seen.before = before
         at = lib.ht_table_law_step(law, state, seen, v_xy, words)
-        parts = (at.t1, at.t2 - at.t1, 1 - at.t2)
+        wanted = (tuple(words), (at.t1, at.t2 - at.t1, 1 - at.t2))
+        if n >= settle:
+            decided_on.append(wanted)
+        lasting, parts = made(*wanted)
+        before = lasting[2]
         decision = (
-            sum(share * vectors[word][0] for share, word in zip(parts, words)),
-            sum(share * vectors[word][1] for share, word in zip(parts, words)),
+            sum(share * vectors[word][0] for share, word in zip(parts, lasting)),
+            sum(share * vectors[word][1] for share, word in zip(parts, lasting)),
         )
         (v, v_of_xy), coming = (coming, decision) if late else (decision, decision)
         psi += ts * (v - m.rs_ohm * current)
         rotor = turn * (rotor + ts * m.rr_ohm / m.lr_H * (m.lm_H * current - rotor))
         xy += ts * (v_of_xy - m.rs_ohm / m.lxy_H * xy)
-    return found
+    return found, decided_on, [v for v, _ in vectors]

@@ -9,13 +9,14 @@ trip, is "bad"; one beyond which it works, but not well, is a "note".
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from .._firmware import lib
 from .derived import (
     F_ISR_FAST_HZ,
+    I_TRIP_SHARE,
     LEAST_INERTIA,
     UNTOLD_EMF,
     WRITTEN_WITHIN,
@@ -27,8 +28,12 @@ from .keys import KEYS
 from .mean_torque import held
 from .published import equal_leakages
 from .setup import Setup
+from .short_pulses import Changed, of_modulator, of_table
 from .to_parameters import parameters
 from .values import SetupError
+
+if TYPE_CHECKING:
+    from ..firmware import Controller
 
 COS_15 = math.cos(math.pi / 12)
 #: Of copper, as the firmware has it.
@@ -44,7 +49,10 @@ XY_PEAK = 3.5
 SWITCHING = {"single": 1 / 6, "pair": 1 / 5, "virtual L": 1 / 3, "virtual ML": 2 / 3}
 #: A mean torque that is further from its reference, in % of it, is a note.
 HELD_PCT = 5.0
+#: Share of the voltage, rms, that the shortest pulse may change.
+CHANGED = 0.05
 #: Beginnings of subjects that others look for.
+SHORT_PULSES = "voltage that min_pulse_us changes, rms, in % of what is asked for"
 MEAN_PCT = "mean torque less its reference, in % of it"
 MEAN_NM = "mean torque less its reference"
 REACH = "reach with the full flux"
@@ -471,18 +479,70 @@ MOST_TURNING = 0.8
 MORE_RANGE = "give the sensors more range (sensors.i_full_A)"
 
 
-def _currents_of_torque(d: Design, step_A: float) -> Iterator[Finding]:
-    """Of rated torque and of the torque limit. step_A: what a period adds."""
+def _more_current(d: Design, needed_A: Callable[[Design], float]) -> str:
+    """What makes room for a trip of so much: the trip itself as far as the sensors' range allows.
+    Other values follow the trip, so what is needed may grow with it."""
+    trip_A, full_A = d.parameter("i_trip_A"), d.parameter("i_full_A")
+    most_A = min(I_TRIP_SHARE, 1 - d.parameter("comparator_above_pu")) * full_A
+    if needed_A(d) <= trip_A:
+        return ""
+    if math.isclose(trip_A, I_TRIP_SHARE * full_A, rel_tol=1e-3):
+        return MORE_RANGE  # which the derived trip follows
+
+    def enough(trip_A: float) -> bool:
+        try:
+            setup = cast(Setup, d.setup).changed(controller__i_trip_A=trip_A)
+        except SetupError:
+            return False
+        return needed_A(Design(setup, parameters(setup).__getitem__)) <= trip_A
+
+    if trip_A >= most_A or not enough(most_A):
+        return f"{MORE_RANGE}, and raise controller.i_trip_A"
+    low_A, high_A = trip_A, most_A
+    while high_A > 1.01 * low_A:
+        middle_A = 0.5 * (low_A + high_A)
+        low_A, high_A = (low_A, middle_A) if enough(middle_A) else (middle_A, high_A)
+    step_A = 10.0 ** (math.floor(math.log10(high_A)) - 2)
+    least_A = min(math.ceil(high_A / step_A) * step_A, most_A)
+    return f"raise controller.i_trip_A to {least_A:.4g} A (these sensors allow {most_A:.4g} A)"
+
+
+def _rated_current_A(d: Design) -> float:
+    return d.current_A(d.rated_Nm)
+
+
+def _flux_step_A(d: Design) -> float:
+    """What a period adds to the current."""
+    return d.flux_step_Wb(d.period_s) / d.machine.least_H
+
+
+def _build_A(d: Design) -> float:
+    return d.parameter("build_current_A") + _flux_step_A(d)
+
+
+def _align_A(d: Design) -> float:
+    return d.parameter("build_current_A") + d.align_step_A
+
+
+def _limit_A(d: Design) -> float:
+    return d.current_A(d.parameter("torque_limit_Nm")) + _flux_step_A(d)
+
+
+def _currents_of_torque(d: Design) -> Iterator[Finding]:
+    """Of rated torque and of the torque limit."""
     trip_A, rated_A = d.parameter("i_trip_A"), d.current_A(d.rated_Nm)
-    yield at_most("current at rated torque", rated_A, 0.8 * trip_A, "A", MORE_RANGE)
+    yield at_most(
+        "current at rated torque", rated_A, 0.8 * trip_A, "A",
+        _more_current(d, lambda d: _rated_current_A(d) / 0.8),
+    )  # fmt: skip
     yield at_most(
         "current at rated torque against rated current", rated_A, 1.2 * d.rated_A, "A",
         "lower rated.torque_Nm, or correct rated.current_A (an rms value)", "note",
     )  # fmt: skip
     yield at_most(
-        "current at the torque limit, with ripple",
-        d.current_A(d.parameter("torque_limit_Nm")) + step_A, trip_A, "A",
-        f"lower controller.torque_limit_Nm, raise controller.f_isr_Hz, or {MORE_RANGE}", "note",
+        "current at the torque limit, with ripple", _limit_A(d), trip_A, "A",
+        "lower controller.torque_limit_Nm, raise controller.f_isr_Hz, or "
+        f"{_more_current(d, _limit_A)}", "note",
     )  # fmt: skip
 
 
@@ -500,19 +560,20 @@ def _currents(d: Design) -> Iterator[Finding]:
     trip_A, no_load_A = p("i_trip_A"), d.no_load_A
     yield at_most(
         "no-load current", no_load_A, 0.6 * trip_A, "A",
-        f"lower controller.flux_ref_Wb, or {MORE_RANGE}",
+        f"lower controller.flux_ref_Wb, or {_more_current(d, lambda d: d.no_load_A / 0.6)}",
     )  # fmt: skip
     yield at_least(
         "build-up current", p("build_current_A"), 1.1 * no_load_A, "A",
-        f"this one does not magnetise the machine: lower controller.flux_ref_Wb, or {MORE_RANGE}"
+        "this one does not magnetise the machine: lower controller.flux_ref_Wb, or "
+        f"{_more_current(d, lambda d: 1.1 * d.no_load_A / 0.6)}"
         if p("build_current_A") >= 0.5 * trip_A
         else "raise controller.build_current_A: this one does not magnetise the machine",
     )  # fmt: skip
     yield _told("losses of the windings at rated torque, about", d.copper_W(d.rated_Nm), "W")
-    step_A = d.flux_step_Wb(d.period_s) / d.machine.least_H
     yield at_most(
-        "build-up current and its ripple", p("build_current_A") + step_A, trip_A, "A",
-        f"lower controller.build_current_A, or {MORE_RANGE}",
+        "build-up current and its ripple", _build_A(d), trip_A, "A",
+        "lower controller.build_current_A, or "
+        f"{_more_current(d, _build_A)}",
     )  # fmt: skip
     needed_s = d.magnetised_s(p("build_current_A"))
     yield at_least(
@@ -520,7 +581,7 @@ def _currents(d: Design) -> Iterator[Finding]:
         f"raise controller.build_s: L_r/R_r is {d.rotor_s:.3g} s",
         "note" if p("build_s") > needed_s / 3 else "bad",
     )  # fmt: skip
-    yield from _currents_of_torque(d, step_A)
+    yield from _currents_of_torque(d)
     yield at_most(
         "torque limit against pull-out", p("torque_limit_Nm"), PULL_OUT_SHARE * d.pull_out_Nm,
         "N m", "the firmware stays below 80 % of pull-out: lower controller.torque_limit_Nm",
@@ -531,7 +592,7 @@ def _currents(d: Design) -> Iterator[Finding]:
         "this flux gives no more: raise inverter.vdc_V, state rated.flux_Wb, or lower "
         "rated.torque_Nm"
         if d.rated_Nm > PULL_OUT_SHARE * d.pull_out_Nm
-        else MORE_RANGE
+        else _more_current(d, lambda d: _rated_current_A(d) / 0.8)
         if d.current_A(d.rated_Nm) > 0.8 * trip_A
         else "raise controller.torque_limit_Nm",
     )  # fmt: skip
@@ -571,14 +632,14 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
 
 def _currents_of_magnets(d: Design) -> Iterator[Finding]:
     p, trip_A = d.parameter, d.parameter("i_trip_A")
-    step_A = d.flux_step_Wb(d.period_s) / d.machine.least_H
     yield at_most(
-        "current that aligns the rotor, and its ripple", p("build_current_A") + d.align_step_A,
-        trip_A, "A", f"lower controller.build_current_A, or {MORE_RANGE}",
+        "current that aligns the rotor, and its ripple", _align_A(d),
+        trip_A, "A", "lower controller.build_current_A, or "
+        f"{_more_current(d, _align_A)}",
     )  # fmt: skip
     yield at_most(
         "current that aligns the rotor, and its ripple, which must not turn the q axis there",
-        p("build_current_A") + d.align_step_A, MOST_TURNING * d.machine.turning_A, "A",
+        _align_A(d), MOST_TURNING * d.machine.turning_A, "A",
         "lower controller.build_current_A, or raise controller.f_isr_Hz",
     )  # fmt: skip
     if swing_rad_s := d.machine.swing_rad_s(p("build_current_A")):
@@ -589,10 +650,11 @@ def _currents_of_magnets(d: Design) -> Iterator[Finding]:
         )  # fmt: skip
     yield _told("losses of the windings at rated torque, about", d.copper_W(d.rated_Nm), "W")
     rated_A = d.current_A(d.rated_Nm)
-    yield from _currents_of_torque(d, step_A)
+    yield from _currents_of_torque(d)
     yield at_least(
         "torque limit against rated torque", p("torque_limit_Nm"), d.rated_Nm, "N m",
-        MORE_RANGE if rated_A > 0.8 * trip_A else "raise controller.torque_limit_Nm",
+        _more_current(d, lambda d: _rated_current_A(d) / 0.8) if rated_A > 0.8 * trip_A
+        else "raise controller.torque_limit_Nm",
     )  # fmt: skip
     yield _step_of_converter(d, 0.01 * rated_A)
     pull_rad_s = 2 * math.pi * p("crossover_Hz")
@@ -679,7 +741,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         yield from _expected(d, 0.5 * p("f_isr_Hz"))  # a leg toggles once in a period
         return
     single, virtual = row.vectors == lib.HT_VECTORS_SINGLE, row.vectors == lib.HT_VECTORS_VIRTUAL
-    vector_pu = row.reach_pu / COS_15 if virtual else lib.ht_longest_pu(d.winding)
+    vector_pu = _vector_pu(d, row)
     faster = "raise controller.f_isr_Hz, lower inverter.vdc_V, or add inductance"
     torque_Nm = d.torque_step_Nm(d.period_s, vector_pu)
     yield at_most("torque step of one period", torque_Nm, d.rated_Nm, "N m", faster)
@@ -693,11 +755,10 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         "flux step against the band", flux_Wb, 8 * p("flux_band_Wb"), "Wb",
         "widen controller.flux_band_Wb", "note",
     )  # fmt: skip
-    ripple_A = flux_Wb / d.machine.least_H
-    peak_A = _xy_A(d, row) + d.current_A(p("torque_limit_Nm")) + ripple_A
     yield at_most(
-        PEAK, peak_A, p("i_trip_A"), "A",
-        f"may trip: take a scheme that controls the x-y currents; else {faster}",
+        PEAK, _peak_A(d, row), p("i_trip_A"), "A",
+        "may trip: take a scheme that controls the x-y currents; else "
+        f"{_more_current(d, lambda d: _peak_A(d, row))}, {faster}",
     )  # fmt: skip
     if row.regulated:
         gain = 2 * p("kp_xy_pu_A") * d.vdc_V * d.period_s / d.machine.lxy_H
@@ -730,18 +791,24 @@ def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
     speed_rpm, load_Nm = d.steady_point
     asked_Nm = load_Nm + d.machine.viscous_Nms * rad_s(speed_rpm)
     where = f", at {speed_rpm:g} r/min and {load_Nm:g} N m"
+    row = lib.ht_scheme_describe(firmware.schemes().index(name))
+    modulated = lib.ht_law_commands_voltage(row.law)
+    try:
+        own = setup.with_scheme(name)
+        controller = firmware.Controller(own["timing.device"], parameters(own))
+    except (SetupError, firmware.FirmwareError):
+        return  # what is wrong is said elsewhere
+    if modulated:
+        changed = of_modulator(d, controller, speed_rpm, asked_Nm, CHANGED)
+        yield from _of_pulses(d, controller, changed, where)
     if d.magnets:
         return  # the mean is worked out for a rotor with a winding
     error_Nm, error_pct = 0.0, 0.0
-    row = lib.ht_scheme_describe(firmware.schemes().index(name))
-    if not lib.ht_law_commands_voltage(row.law):
-        try:
-            own = setup.with_scheme(name)
-            controller = firmware.Controller(own["timing.device"], parameters(own))
-        except (SetupError, firmware.FirmwareError):
-            return  # what is wrong is said elsewhere
+    if not modulated:
         found = held(d, controller, speed_rpm, asked_Nm)
         error_Nm, error_pct = found.error_Nm, found.error_pct
+        changed = of_table(d, controller, found.words, found.vectors, CHANGED)
+        yield from _of_pulses(d, controller, changed, where)
     yield _told(MEAN_NM + where, error_Nm, "N m")
     advice = "lower controller.torque_band_Nm, or raise controller.f_isr_Hz"
     if error_pct <= 0:
@@ -750,8 +817,38 @@ def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
         yield at_most(MEAN_PCT + where, error_pct, HELD_PCT, "%", advice, "note")
 
 
+def _of_pulses(d: Design, c: Controller, changed: Changed, where: str) -> Iterator[Finding]:
+    """What the shortest gate pulse takes from the voltage, and the torque that it moves."""
+    fits = f"lower controller.min_pulse_us: up to {changed.most_us:.3g} us fit"
+    if changed.most_us < c.parameters["min_pulse_us"].min:
+        fits = "the board's pulses are too long for this"
+    yield at_most(
+        SHORT_PULSES + where, 100 * changed.share, 100 * CHANGED, "%",
+        f"{fits}, or lower controller.f_isr_Hz", "note",
+    )  # fmt: skip
+    step_Wb = changed.volts * d.period_s
+    yield _told(
+        "torque that this moves in a period, rms" + where,
+        d.machine.torque_step_Nm(d.steady_Wb, step_Wb), "N m",
+    )  # fmt: skip
+
+
 def _told(subject: str, value: float, unit: str) -> Finding:
     return Finding(subject, value, "", 0.0, unit, "ok", "")
+
+
+def _vector_pu(d: Design, row: Any) -> float:
+    """The longest vector of a table, units of Vdc."""
+    from ..firmware import lib
+
+    virtual = row.vectors == lib.HT_VECTORS_VIRTUAL
+    return row.reach_pu / COS_15 if virtual else lib.ht_longest_pu(d.winding)
+
+
+def _peak_A(d: Design, row: Any) -> float:
+    """Current under a table at the torque limit."""
+    ripple_A = d.flux_step_Wb(d.period_s, _vector_pu(d, row)) / d.machine.least_H
+    return _xy_A(d, row) + d.current_A(d.parameter("torque_limit_Nm")) + ripple_A
 
 
 def _xy_A(d: Design, row: Any) -> float:

@@ -166,7 +166,7 @@ class Setup:
 
 
 def inconsistent(setup: Setup) -> list[str]:
-    """What values, each in its range, say wrong together; one line each."""
+    """Conflicts between values that are each in range; one line each."""
     model = setup["machine.model"]
     lines = foreign(setup.values["machine"], model)
     for added, to in (("drs_ohm", "rs_ohm"), ("dlls_H", "lls_H"), ("dlls_H", "lxy_H")):

@@ -155,7 +155,8 @@ def energies(results: Results, title: str, cycle: Cycle, setup: Setup, path: Pat
     seen = list(dict.fromkeys(names))
 
     def mean(figure: str) -> np.ndarray:
-        """Of each scheme, over the seeds; 0 if it was not asked for or is not known."""
+        """The mean of a figure over the seeds, for each scheme; 0 if it was not asked for or is not
+        known."""
         if figure not in results.metrics:
             return np.zeros(len(seen))
         values = np.nan_to_num(results.figures[numbers, results.metrics.index(figure)])

@@ -223,9 +223,9 @@ class Study:
         return files
 
     def indices(self) -> pd.DataFrame:
-        """Of a Sobol design: a row for each scheme, figure and key. S1 is the share of the figure's
-        variance that the key causes alone, ST with all others; the columns _conf have their
-        uncertainty (95 %)."""
+        """The indices of a Sobol design, a row for each scheme, figure and key. S1 is the share of
+        the figure's variance that the key causes alone, ST with all others; the columns _conf have
+        their uncertainty (95 %)."""
         if self.space.design.kind != SOBOL:
             raise StudyError(f"design = {self.space.design.kind!r}: indices need {SOBOL!r}")
         columns = zip(*sensitivity.indices(self.results))

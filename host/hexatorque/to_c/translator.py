@@ -222,7 +222,7 @@ class Translator:
         return "\n\n".join([*tables, *records, *self._parts.values(), *self._tuples.values()])
 
     def declarations(self) -> str:
-        """Of the functions that others call."""
+        """The declarations of the functions that others call."""
         return "\n".join(self._public)
 
     def functions(self) -> str:

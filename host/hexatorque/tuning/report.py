@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import firmware
-from ..setups import SetupError, builtin_names, edit, parameters
+from ..setups import SetupError, builtin_names, parameters
 from ..setups.loading import builtin_text, text_of
 from ..setups.paths import CONTROLLER
 from ..setups.values import Value
@@ -34,11 +34,11 @@ def make_folder(folder: Path) -> None:
 
 def setup_text(tuned: Tuned, source: str) -> str:
     """The user's file, or the built-in set-up, with the tuned values and those that the command
-    gave, and all else as it was. Where that cannot be told, a file that starts from it. `source`:
-    its name or path."""
+    gave, and all else as it was. `source`: its name or path."""
     built_in = source in builtin_names()
     text = builtin_text(source) if built_in else text_of(Path(source))
     from ..setups import load
+    from . import edit
 
     given = load(source)
     changes: dict[str, dict[str, Value]] = {}
@@ -50,9 +50,7 @@ def setup_text(tuned: Tuned, source: str) -> str:
             changes[section] = other
     if not changes:
         return text
-    name = source if built_in else str(Path(source).resolve())
-    text = text if built_in else edit.moved(text, Path(source).parent)
-    return edit.edited(text, changes) or edit.on_top_of(name, changes)
+    return edit.edited(text if built_in else edit.moved(text, Path(source).parent), changes)
 
 
 def rows_of_parameters(tuned: Tuned) -> list[tuple[str, float, float, str]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import firmware
+from ..plant import vsd
 from ..plant.vsd import PHASES
 from ..recording.journal import TICK_HZ
 from ..recording.recording import FIRST_TICK, Recording, RecordingError
@@ -21,7 +22,7 @@ from .shaft import NO_LOAD, Load, parts
 #: Channels without which nothing can be compared, besides two phase currents of each set.
 NEEDED = ("torque_ref_Nm", "speed_rpm", "psi_alpha_Wb", "psi_beta_Wb")
 #: The phases of each winding set.
-SETS = (("u1", "w1", "v1"), ("u2", "w2", "v2"))
+SETS = tuple(tuple(PHASES[leg] for leg in one) for one in vsd.SETS)
 RUN = float(firmware.lib.HT_STATE_RUN)
 #: A shorter part of a recording says too little.
 SHORTEST_S = 0.2
@@ -415,6 +416,3 @@ def _same(a: object, b: object) -> bool:
 
 def _short(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-assert {phase for phases in SETS for phase in phases} == set(PHASES)

@@ -9,6 +9,7 @@ simulated again with the change found.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -280,6 +281,145 @@ class _Series:
         return [name for name in QUANTITIES if all(name in one for one in self.bench)]
 
 
+class _Simulations:
+    """Simulations that follow the recordings. places: of the samples in the period of the slow
+    loop, in fast periods after the earliest."""
+
+    def __init__(
+        self, setup: Setup, benches: list[Bench], loads: Load, progress: Progress | None
+    ) -> None:
+        self.setup, self.benches, self.loads, self.progress = setup, benches, loads, progress
+        self.series = _Series(setup, benches, loads)
+        self.places = [0 for _ in benches]
+
+    def simulate(self, changes: Changes, late: int = 0) -> list[dict[str, np.ndarray]] | str:
+        """The quantities of each recording with these changes, or why there are none. late: chooses
+        another noise."""
+        runs = self._follow(changes, late)
+        return runs if isinstance(runs, str) else self._quantities(runs)
+
+    def repeats(self, name: str) -> list[list[dict[str, np.ndarray]]]:
+        """The set-up as it is, with other noise each time. First the samples are placed. `name`
+        tells the user which set-up cannot follow."""
+        if any(bench.places > 1 for bench in self.benches):
+            scouts = self._repeated(name, 1)
+            self.places = [
+                _place(self.setup, bench, self.loads, runs)
+                for bench, runs in zip(self.benches, zip(*scouts))
+            ]
+            for bench, place in zip(self.benches, self.places):
+                bench.first = max(0, bench.first - place)  # now it is known
+        return [self._quantities(runs) for runs in self._repeated(name, LATER)]
+
+    def _quantities(self, runs: list[Replay]) -> list[dict[str, np.ndarray]]:
+        return [self.series.simulated(n, run, self.places[n]) for n, run in enumerate(runs)]
+
+    def _repeated(self, name: str, apart: int) -> list[list[Replay]]:
+        found = each(lambda n: self._follow((), apart * n), range(REPEATS))
+        if failed := [one for one in found if isinstance(one, str)]:
+            raise NotSimulated(
+                f"the simulation of {name} does not follow the recording: {failed[0]}"
+            )
+        return [one for one in found if not isinstance(one, str)]
+
+    def _follow(self, changes: Changes, late: int) -> list[Replay] | str:
+        try:
+            other = self.setup
+            for candidate, change in changes:
+                other = candidate.apply(other, change)
+            return [self._follow_one(bench, other, changes, late) for bench in self.benches]
+        except (DriveFault, SetupError, ArithmeticError) as error:
+            return str(error).splitlines()[0]
+
+    def _follow_one(self, bench: Bench, setup: Setup, changes: Changes, late: int) -> Replay:
+        prepares = [c.prepare(change) for c, change in changes if c.prepare]
+
+        def prepare(sim: SimulatedDrive) -> None:
+            for one in prepares:
+                one(sim)
+
+        # Another noise for every repetition.
+        seeded = setup.changed(sensors__noise_seed=setup["sensors.noise_seed"] + late)
+        # An oscilloscope has the true voltage, the board what its sensor makes of it.
+        vdc = 1.0 if bench.outside else math.prod((c.vdc(x) for c, x in changes), start=1.0)
+        more_Nm = 0.0 if bench.torque_known else sum((x for c, x in changes if c.adds_torque), 0.0)
+        run = replay(bench, seeded, prepare, vdc, late, more_Nm)
+        for candidate, change in changes if bench.outside else ():
+            for phase in candidate.probes:
+                if (name := f"i_{phase}_A") in run.channels:
+                    run.channels[name] = run.channels[name] * (1 + change)
+        if self.progress:
+            self.progress(bench.duration_s)
+        return run
+
+
+class _Search:
+    """The parameters that explain the difference. effects: of each on its own, for one unit of it;
+    residual: the difference in expected noises."""
+
+    def __init__(
+        self, simulations: _Simulations, nominal: _Nominal, candidates: Sequence[Candidate]
+    ) -> None:
+        self.simulations, self.nominal, self.candidates = simulations, nominal, candidates
+        self.residual = nominal.whitened(simulations.series.bench)
+        self.effects: dict[str, np.ndarray] = {}
+        self.notes: list[str] = []
+        electrical = [c for c in candidates if not c.shaft_only]
+        changed = each(lambda one: simulations.simulate([(one, one.step)]), electrical)
+        for candidate, found in zip(electrical, changed):
+            if isinstance(found, str):
+                self._refused(candidate, candidate.step, found)
+            else:
+                self.effects[candidate.name] = nominal.effect(found) / candidate.step
+        for candidate in candidates:
+            if candidate.shaft_only:
+                self.effects[candidate.name] = nominal.shaft_effect(candidate.name)
+
+    def _refused(self, candidate: Candidate, change: float, why: str) -> None:
+        self.notes.append(f"{candidate.name} {candidate.shown(change)}: {why}")
+
+    def alone(self) -> list[Explanation]:
+        """What each explains, best first. The best are simulated with the change found."""
+        shown = [c for c in self.candidates if c.name in self.effects]
+        explained = [_alone(c, self.effects[c.name], self.residual) for c in shown]
+        explained.sort(key=lambda e: e.left)
+        tried = 0
+        for one in tuple(explained):
+            if tried == TRIED or not _counts(one, self.residual):
+                break
+            tried += 1
+            if one.candidate.shaft_only:
+                continue
+            found = self.simulations.simulate([(one.candidate, one.change)], 1)
+            if isinstance(found, str):
+                # The drive does not run with it, and on the bench it ran.
+                self._refused(one.candidate, one.change, found)
+                one.left, tried = 1.0, tried - 1
+            else:
+                moved = self.nominal.whitened(found)
+                _again(one, moved, self.nominal.effect(found), self.residual)
+        explained.sort(key=lambda e: e.left)
+        return explained
+
+    def together(self, best: Candidate) -> joint.Set | None:
+        """The parameters that explain more together than `best` alone."""
+        of = {c: self.effects[c.name] for c in self.candidates if c.name in self.effects}
+        search = joint.Search(of, _noise, self.residual, self.nominal.groups, self._moved)
+        return search.best(best)
+
+    def _moved(self, changes: Changes, late: int) -> tuple[np.ndarray, np.ndarray] | str:
+        inside = [(c, x) for c, x in changes if not c.shaft_only]
+        shaft = sum(
+            (self.effects[c.name] * x for c, x in changes if c.shaft_only), 0 * self.residual
+        )
+        if not inside:
+            return shaft, shaft
+        found = self.simulations.simulate(inside, late)
+        if isinstance(found, str):
+            return found
+        return self.nominal.whitened(found) + shaft, self.nominal.effect(found) + shaft
+
+
 def compare(
     setup: Setup,
     benches: list[Bench],
@@ -292,122 +432,27 @@ def compare(
     fixed = as_the_board(setup, benches, notes)
     candidates = _suitable(setup, benches) if candidates is None else candidates
     benches = [replace(bench) for bench in benches]
-    series = _Series(fixed, benches, loads)
-
-    def follow(changes: Changes, late: int = 0) -> list[Replay] | str:
-        """A simulation of each recording, or why there are none."""
-        try:
-            other, more_Nm, vdc_ratio = fixed, 0.0, 1.0
-            for candidate, change in changes:
-                other = candidate.apply(other, change)
-                more_Nm += change if candidate.adds_torque else 0.0
-                vdc_ratio *= candidate.vdc(change)
-            prepares = [c.prepare(change) for c, change in changes if c.prepare]
-
-            def prepare(sim: SimulatedDrive) -> None:
-                for one in prepares:
-                    one(sim)
-
-            runs = []
-            for bench in benches:
-                # Another noise for every repetition.
-                seeded = other.changed(sensors__noise_seed=other["sensors.noise_seed"] + late)
-                # An oscilloscope has the true voltage, the board what its sensor makes of it.
-                vdc = 1.0 if bench.outside else vdc_ratio
-                more = 0.0 if bench.torque_known else more_Nm
-                run = replay(bench, seeded, prepare, vdc, late, more)
-                for candidate, change in changes if bench.outside else ():
-                    for phase in candidate.probes:
-                        if (name := f"i_{phase}_A") in run.channels:
-                            run.channels[name] = run.channels[name] * (1 + change)
-                runs.append(run)
-                if progress:
-                    progress(bench.duration_s)
-            return runs
-        except (DriveFault, SetupError, ArithmeticError) as error:
-            return str(error).splitlines()[0]
-
-    def repeated(apart: int) -> list[list[Replay]]:
-        found = each(lambda n: follow((), apart * n), range(REPEATS))
-        if failed := [one for one in found if isinstance(one, str)]:
-            raise NotSimulated(
-                f"the simulation of {setup.name} does not follow the recording: {failed[0]}"
-            )
-        return [one for one in found if not isinstance(one, str)]
-
-    if any(bench.places > 1 for bench in benches):
-        scouts = repeated(1)
-        places = [_place(fixed, bench, loads, runs) for bench, runs in zip(benches, zip(*scouts))]
-        for bench, place in zip(benches, places):
-            bench.first = max(0, bench.first - place)  # now it is known
-    else:
-        places = [0 for _ in benches]
-    repeats = repeated(LATER)
-
-    def quantities(runs: list[Replay]) -> list[dict[str, np.ndarray]]:
-        return [series.simulated(n, run, places[n]) for n, run in enumerate(runs)]
-
-    def simulate(changes: Changes, late: int = 0) -> list[dict[str, np.ndarray]] | str:
-        runs = follow(changes, late)
-        return runs if isinstance(runs, str) else quantities(runs)
-
-    nominal = _Nominal(series, [quantities(runs) for runs in repeats])
-    electrical = [c for c in candidates if not c.shaft_only]
-    changed = each(lambda candidate: simulate([(candidate, candidate.step)]), electrical)
-    residual = nominal.whitened(series.bench)
-    effects: dict[str, np.ndarray] = {}
-    for candidate, found in zip(electrical, changed):
-        if isinstance(found, str):
-            notes.append(f"{candidate.name} {candidate.shown(candidate.step)}: {found}")
-        else:
-            effects[candidate.name] = nominal.effect(found) / candidate.step
-    for candidate in candidates:
-        if candidate.shaft_only:
-            effects[candidate.name] = nominal.shaft_effect(candidate.name)
-    differences = nominal.differences()
-    explained = [_alone(c, effects[c.name], residual) for c in candidates if c.name in effects]
-    explained.sort(key=lambda e: e.left)
-    named, together = False, None
+    simulations = _Simulations(fixed, benches, loads, progress)
+    nominal = _Nominal(simulations.series, simulations.repeats(setup.name))
+    search = _Search(simulations, nominal, candidates)
+    explained = search.alone()
+    notes += search.notes
+    residual = search.residual
+    named, several = False, None
     if explained:
-        tried = 0
-        for one in tuple(explained):
-            if tried == TRIED or not _counts(one, residual):
-                break
-            tried += 1
-            if one.candidate.shaft_only:
-                continue
-            found = simulate([(one.candidate, one.change)], 1)
-            if isinstance(found, str):
-                # The drive does not run with it, and on the bench it ran.
-                notes.append(f"{one.candidate.name} {one.candidate.shown(one.change)}: {found}")
-                one.left, tried = 1.0, tried - 1
-            else:
-                _again(one, nominal.whitened(found), nominal.effect(found), residual)
-        explained.sort(key=lambda e: e.left)
         named = _counts(explained[0], residual)
         if named:
-
-            def moved(changes: Changes, late: int) -> tuple[np.ndarray, np.ndarray] | str:
-                inside = [(c, x) for c, x in changes if not c.shaft_only]
-                shaft = sum((effects[c.name] * x for c, x in changes if c.shaft_only), 0 * residual)
-                if not inside:
-                    return shaft, shaft
-                found = simulate(inside, late)
-                if isinstance(found, str):
-                    return found
-                return nominal.whitened(found) + shaft, nominal.effect(found) + shaft
-
-            of = {c: effects[c.name] for c in candidates if c.name in effects}
-            together = joint.Search(of, _noise, residual, nominal.groups, moved).best(
-                explained[0].candidate
-            )
+            together = search.together(explained[0].candidate)
             _refined(explained[0], together, residual)
+            several = together if together and len(together.candidates) > 1 else None
         notes += _scales(benches, nominal)
-        _alike(explained, effects)
-    overlays = [series.overlay(n, [one[n] for one in nominal.repeats]) for n in range(len(benches))]
-    several = together if together and len(together.candidates) > 1 else None
+        _alike(explained, search.effects)
+    overlays = [
+        simulations.series.overlay(n, [one[n] for one in nominal.repeats])
+        for n in range(len(benches))
+    ]
     return Comparison(
-        setup, benches, notes, differences, explained, named, several, residual, overlays
+        setup, benches, notes, nominal.differences(), explained, named, several, residual, overlays
     )
 
 

@@ -93,23 +93,7 @@ static void power_fails(uint16_t *at, const uint16_t *wanted, unsigned n)
     unsigned k;
     for (k = 0; k < most; k++) {
         uint16_t to = (wanted == NULL) ? HT_STORE_ERASED : wanted[k];
-        uint16_t mask = (uint16_t)rand();
-        switch (bench.style) {
-        case CUT_HALF:
-            at[k] = (k < most / 2) ? to : at[k];
-            break;
-        case CUT_RANDOM:
-            at[k] = (uint16_t)((at[k] & ~mask) | (to & mask));
-            break;
-        case CUT_ZEROS: /* an erase begins with zeros on the F28335 */
-            at[k] = 0;
-            break;
-        case CUT_COMPLETE:
-            at[k] = to;
-            break;
-        default:
-            break;
-        }
+        at[k] = bench_torn(at[k], to, k < most / 2);
         used[(unsigned)(at - memory + k) / 4u] =
             ((bench.style == CUT_COMPLETE) || (bench.style == CUT_NOTHING)) ? 1u : 2u;
     }

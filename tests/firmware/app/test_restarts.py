@@ -158,6 +158,9 @@ def test_the_limit_may_be_changed_while_a_start_must_wait():
     bench.trip()
     with pytest.raises(FirmwareError, match="too many trips by hardware"):
         bench.controller.start()
+    bench.wait(12.0)
+    with pytest.raises(FirmwareError, match=r"; a start is refused for another 48 s$"):
+        bench.controller.start()
     bench.controller.set("restart_count", 0)
     bench.wait(LATE_S)
     assert bench.start() == lib.HT_OK

@@ -359,18 +359,18 @@ def test_prediction_is_the_next_estimate(scheme):
     pulses are longer than the dead time."""
     drive = Drive(config(scheme, observer__rs_ohm=0.0, dead__dead_pu=0.05))
     drive.currents = (3 * T.T @ [2.0, 1.5, 0.6, 0.5]).tolist()  # x-y command at its limit
-    expected, spilled = None, 0
+    expected, carried = None, 0
     for _ in patterns_of(drive, 400):
         state = drive.state
         if expected is not None:
             assert complex_flux(state.estimate) == pytest.approx(expected, abs=1e-6)
         expected = complex_flux(state.decided)
-        spilled |= state.spill.legs
+        carried |= state.carry.legs
         assert is_valid(drive.out, PERIOD, 0)
         angle = np.rad2deg(np.angle(expected))
         if abs((angle + 15) % 30) > 1e-3 and abs(expected) > 1e-6:
             assert state.sector == int((angle + 15) // 30) % 12
-    assert not spilled
+    assert not carried
 
 
 @pytest.mark.parametrize("shadow", (True, False))
@@ -832,11 +832,11 @@ def test_the_current_at_an_edge_lies_between_the_samples_in_their_order(scheme):
         flow = lib.ht_flow_at_edges(
             ffi.addressof(state, "active"), state.flow, lib.ht_flow_of(end, dead)
         )
-        over = ffi.new("ht_spill *")
+        over = ffi.new("ht_carry *")
         for found, ends in ((right, (begin, end)), (turned, (end, begin))):
             v = lib.ht_volt_seconds(
                 ffi.addressof(state, "active"), state.toggles, dead, flow, *ends,
-                ffi.addressof(state, "spill"), over, False,
+                ffi.addressof(state, "carry"), over, False,
             )  # fmt: skip
             gained = complex_flux(drive.state.estimate) - complex_flux(state.estimate)
             found.append(abs(gained - TS * VDC * complex(v.ab.alpha, v.ab.beta)))

@@ -351,14 +351,14 @@ def test_values_out_of_range_are_refused(at, wrong):
     assert not lib.ht_modulator_check(ffi.new("ht_modulator_config *", [1.1, 0.5, 0.3]))
 
 
-def volt_seconds(modulator, slots, i_A, spill):
+def volt_seconds(modulator, slots, i_A, carry):
     """Mean voltage of the modulator's latest period as the firmware reckons it."""
     applied = modulator.applied
     applied.own = 2
     slots[1] = modulator.toggles[0]
     flow = lib.ht_flow_of(i_A, modulator.dead)
     flow = lib.ht_flow_at_edges(applied, flow, flow)
-    v = lib.ht_volt_seconds(applied, slots, modulator.dead, flow, i_A, i_A, spill, spill, True)
+    v = lib.ht_volt_seconds(applied, slots, modulator.dead, flow, i_A, i_A, carry, carry, True)
     return [v.ab.alpha, v.ab.beta, v.xy.x, v.xy.y]
 
 
@@ -373,12 +373,12 @@ def test_volt_seconds_of_modulated_periods(vs, outward, kappa, dead):
     """Every leg is followed through all periods, its edges late by the dead time where the
     current opposes them, across the periods' ends, with turns in between."""
     modulator = Modulator(kappa, 0.0, TURN_PU, dead)
-    slots, spill = ffi.new("ht_toggles[2]"), ffi.new("ht_spill *")
+    slots, carry = ffi.new("ht_toggles[2]"), ffi.new("ht_carry *")
     i_A = ffi.new("ht_six *", [[20.0 if out else -20.0 for out in outward]])
     got, edges = [], [[] for _ in range(6)]
     for n, (size, degrees, xy) in enumerate(vs):
         modulator.step(polar(size, degrees, xy), list(i_A.p))
-        got.append(volt_seconds(modulator, slots, i_A, spill))
+        got.append(volt_seconds(modulator, slots, i_A, carry))
         levels = modulator.levels()
         for leg, own in enumerate(edges):
             own.append((n, int(levels[leg, 0])))

@@ -168,11 +168,11 @@ def test_unused_registers_hold_the_period():
 # --- volt-seconds ---------------------------------------------------------
 
 
-def volt_seconds(applied, dead, i_begin, i_end, spill, xy=True):
-    """The mean voltage alpha, beta, x, y. `spill` is input and output."""
+def volt_seconds(applied, dead, i_begin, i_end, carry, xy=True):
+    """The mean voltage alpha, beta, x, y. `carry` is input and output."""
     begin, end = ffi.new("ht_six *", {"p": i_begin}), ffi.new("ht_six *", {"p": i_end})
     flow = lib.ht_flow_at_edges(applied, *(lib.ht_flow_of(i, dead) for i in (begin, end)))
-    v = lib.ht_volt_seconds(applied, ffi.NULL, dead, flow, begin, end, spill, spill, xy)
+    v = lib.ht_volt_seconds(applied, ffi.NULL, dead, flow, begin, end, carry, carry, xy)
     return [v.ab.alpha, v.ab.beta, v.xy.x, v.xy.y]
 
 
@@ -191,10 +191,10 @@ def compare_volt_seconds(patterns, outward, dead, period, first=0):
     sequence = applied_sequence(patterns, dead, period, first)
     config = ffi.new("ht_dead_time *", {"dead_pu": dead, "i_zero_A": 0.05})
     current = [20.0 if out else -20.0 for out in outward]
-    spill = ffi.new("ht_spill *")
+    carry = ffi.new("ht_carry *")
     got = []
     for applied in sequence:
-        got.append(volt_seconds(applied, config, current, current, spill))
+        got.append(volt_seconds(applied, config, current, current, carry))
     on = np.empty((6, len(sequence)))
     for leg in LEGS:
         commands = [
@@ -256,7 +256,7 @@ def test_delay_that_a_later_edge_of_the_next_period_cancels(back, outward):
 
 def mean_on_u1(applied, dead, i_begin, i_end):
     lib.ht_applied_finish(applied, applied.before, dead)
-    v = volt_seconds(applied, dead, [i_begin] * 6, [i_end] * 6, ffi.new("ht_spill *"))
+    v = volt_seconds(applied, dead, [i_begin] * 6, [i_end] * 6, ffi.new("ht_carry *"))
     return (v[0] + v[2]) * 1.5  # only u1 switches
 
 
@@ -275,13 +275,13 @@ def test_no_dead_time_gives_the_commanded_volt_seconds():
         _, applied = counts(s, 0.3, 0.6, 10000)
         dead = ffi.new("ht_dead_time *", {"dead_pu": 0, "i_zero_A": 0.05})
         lib.ht_applied_finish(applied, s[0], dead)
-        spill = ffi.new("ht_spill *")
+        carry = ffi.new("ht_carry *")
         six = [1.0, -2.0, 3.0, -4.0, 5.0, -6.0]
-        v = volt_seconds(applied, dead, six, six, spill)
+        v = volt_seconds(applied, dead, six, six, carry)
         legs = np.array([[bit(w, leg) for leg in LEGS] for w in s])
         want = T @ (np.array([0.3, 0.3, 0.4]) @ legs)
         np.testing.assert_allclose(v, want, atol=3e-7)
-        assert spill.legs == 0
+        assert carry.legs == 0
 
 
 def mean_levels(sequence, leg, dead, i_zero, current):
@@ -324,9 +324,9 @@ def test_volt_seconds_are_right_for_any_currents(patterns, currents, dead, first
     for start in (0, first):
         sequence = applied_sequence(patterns, dead, 10000, start)
         config = ffi.new("ht_dead_time *", {"dead_pu": dead, "i_zero_A": 0.05})
-        spill = ffi.new("ht_spill *")
+        carry = ffi.new("ht_carry *")
         got = [
-            volt_seconds(a, config, currents[n], currents[n + 1], spill)
+            volt_seconds(a, config, currents[n], currents[n + 1], carry)
             for n, a in enumerate(sequence)
         ]
         current = np.float32(currents[: len(sequence) + 1]).T.astype(float)
@@ -342,10 +342,10 @@ def test_volt_seconds_are_right_for_any_currents(patterns, currents, dead, first
 @settings(max_examples=60, deadline=None)
 def test_without_x_and_y_alpha_and_beta_are_the_same(patterns, current):
     dead = ffi.new("ht_dead_time *", {"dead_pu": 0.05, "i_zero_A": 0.05})
-    spills = ffi.new("ht_spill[2]")
+    carries = ffi.new("ht_carry[2]")
     for a in applied_sequence(patterns, 0.05, 10000, 0):
-        whole = volt_seconds(a, dead, current, current, spills + 0)
-        half = volt_seconds(a, dead, current, current, spills + 1, xy=False)
+        whole = volt_seconds(a, dead, current, current, carries + 0)
+        half = volt_seconds(a, dead, current, current, carries + 1, xy=False)
         assert half[:2] == whole[:2]
 
 
@@ -356,7 +356,7 @@ def test_a_prediction_does_not_change_the_stored_delay():
     )
     dead = ffi.new("ht_dead_time *", {"dead_pu": 0.05, "i_zero_A": 0.05})
     begin = ffi.new("ht_six *", {"p": [5.0] * 6})
-    left, over = ffi.new("ht_spill *"), ffi.new("ht_spill *")
+    left, over = ffi.new("ht_carry *"), ffi.new("ht_carry *")
     flow = lib.ht_flow_of(begin, dead)
     lib.ht_volt_seconds(late, ffi.NULL, dead, flow, begin, begin, left, left, True)
     assert left.legs == 32 and left.shift[0] == pytest.approx(0.04, abs=1e-6)

@@ -47,7 +47,7 @@ def lives(cfg, state, seed, steps=60):
                 out[0], state.estimate, state.decided, state.observer, state.i_A, state.i_xy_A,
                 state.psi_xy_Wb, state.v_xy_pu, state.flow, state.leg_loss.low_V,
             )
-        ] + [state.sector, state.spill.legs, state.leg_loss.found]  # fmt: skip
+        ] + [state.sector, state.carry.legs, state.leg_loss.found]  # fmt: skip
 
 
 @pytest.mark.parametrize("observer", CHOICES["observer"])
@@ -85,7 +85,7 @@ def test_a_machine_without_flux_and_all_legs_low():
         mean = pattern.mean_pu
         assert (mean.ab.alpha, mean.ab.beta, mean.xy.x, mean.xy.y) == (0, 0, 0, 0)
         assert (pattern.rising, pattern.falling, pattern.later, pattern.close) == (0, 0, 0, 0)
-    assert (state.observer.omega_sync_rad_s, state.sector, state.spill.legs) == (0, 0, 0)
+    assert (state.observer.omega_sync_rad_s, state.sector, state.carry.legs) == (0, 0, 0)
     assert (state.leg_loss.found, state.lost.axes) == (0, 0)
 
 

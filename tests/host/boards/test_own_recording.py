@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from hexatorque import setups
+from hexatorque.boards import virtual
 from hexatorque.boards.own_recording import PART_S, OwnRecording
 from hexatorque.boards.virtual import VirtualBoard
-from hexatorque.recording.formats import RecordingError
+from hexatorque.cli.main import main
+from hexatorque.recording.formats import NotWritten, RecordingError
 from hexatorque.recording.recording import Recording
 from hexatorque.recording.writer import Writer
 
@@ -104,3 +106,23 @@ def test_a_full_disk_ends_the_recording_and_not_the_board(tmp_path, monkeypatch)
         own.close()
     kept = Recording.load(own.path)
     assert len(kept) and "No space left" in kept.meta["ended"]
+
+
+def test_serve_goes_on_with_a_full_disk_and_ends_with_1(tmp_path, monkeypatch, capsys):
+    served = []
+
+    def serve(made, _line, until, record, xcp):
+        for n in range(8):
+            if n == 4:
+                monkeypatch.setattr(Writer, "append", full)
+            record.keep()
+            made.run(0.1, record=True)
+        served.append(made.sim.time_s)
+
+    def full(*_):
+        raise NotWritten("own.csv: No space left on device")
+
+    monkeypatch.setattr(virtual, "serve", serve)
+    assert main(["board", "serve", "--record", str(tmp_path / "own.csv")]) == 1
+    assert served == [pytest.approx(0.8)]
+    assert capsys.readouterr().err.count("No space left on device") == 2  # at once, and at the end

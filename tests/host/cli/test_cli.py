@@ -214,7 +214,9 @@ def test_studies_report_violated_limits(found, code, tmp_path, capsys, monkeypat
 
     study = types.SimpleNamespace(
         study=lambda quick, progress, folder=None: {"quick": quick},
-        tables=lambda result: ["a table"],
+        TITLE="Faults",
+        NOTE="what a cell is",
+        grid=lambda result: [("a table", ["fault", "`runs`"], [["stall", "`12`"]])],
         failures=lambda result: found,
         plot=plot,
     )
@@ -234,8 +236,9 @@ def test_studies_report_violated_limits(found, code, tmp_path, capsys, monkeypat
     assert json.loads(out.out) == {"faults": {"quick": True}}
     assert json.loads((tmp_path / "new" / "faults.json").read_text()) == {"quick": True}
     assert (tmp_path / "new" / "faults.png").exists()
-    for line in found:
+    for line in ("Faults\nwhat a cell is\n", "a table", "runs", "stall", *found):
         assert line in out.err
+    assert "`" not in out.err
 
 
 def test_setups_lists_every_value_with_its_tag(capsys):
@@ -343,6 +346,6 @@ def test_every_study_has_what_the_command_needs():
 
     for name, file in STUDIES.items():
         module = import_module(f"hexatorque.evidence.studies.{file}")
-        assert module.TITLE and module.study and module.tables and module.plot
+        assert module.TITLE and module.study and module.grid and module.plot
         keeps = "folder" in inspect.signature(module.study).parameters
         assert keeps == (name in KEEPING)

@@ -143,6 +143,8 @@ def test_a_command_of_another_group_is_shown_there(line, capsys):
         ("board serve --break u3=open", ["--break", "'u3=open'", "u1, u2"]),
         ("board serve --break u1=lost", ["--break", "'u1=lost'", "blocked, upper"]),
         ("board serve --break u1=open@-1", ["--break", "'u1=open@-1'", "0 .. 1e+06 s"]),
+        ("board serve --trip-pin 5+", ["--trip-pin", "'5+'", "SECONDS+LENGTH", "1e+06 s"]),
+        ("board serve --trip-pin -1", ["--trip-pin", "'-1'", "SECONDS+LENGTH"]),
         ("board list --baud 1e6", ["--baud", "'1e6'", "above 0"]),
         ("board monitor --port 70000", ["--port", "'70000'", "0 .. 65535"]),
         ("board status --json=3", ["--json", "not take a value"]),
@@ -188,6 +190,18 @@ def test_exit_codes_say_how_a_command_ended(raised, code, line, capsys, monkeypa
 
 
 # -- help ---------------------------------------------------------------------------------
+
+#: How a text begins that leaves out what the option is.
+NAMELESS = ("default", "of ", "for ", "at once", "also ", "before ", "those ")
+
+
+@pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
+def test_every_option_says_what_it_is(path):
+    for option in COMMANDS[path].params:
+        if isinstance(option, click.Option) and not option.hidden:
+            said = option.help or ""
+            assert said and not said.startswith(NAMELESS), f"{option.opts}: {said!r}"
+            assert not said.endswith("."), option.opts
 
 
 @pytest.mark.parametrize("path", [path for path, _ in tree()], ids=" ".join)

@@ -97,10 +97,29 @@ def test_sign_open_twice_and_gain():
     assert "w2: reads 1.6" in wiring.decide(loud).mistakes[0]
 
 
-def test_a_leg_without_current_is_named():
-    cut = answers()
-    cut[:, 2] = cut[2] = 0
-    assert any("leg w1: its voltage drives no current" in m for m in wiring.decide(cut).mistakes)
+def with_open_leads(response, *legs):
+    """What the others answer if these leads are open: the terminal of each takes the voltage at
+    which its current is zero."""
+    left = [leg for leg in range(6) if leg not in legs]
+    to_each = np.linalg.pinv(response[np.ix_(legs, legs)]) @ response[np.ix_(legs, left)]
+    cut = np.zeros((6, 6))
+    cut[np.ix_(left, left)] = response[np.ix_(left, left)] - response[np.ix_(left, legs)] @ to_each
+    return cut
+
+
+@pytest.mark.parametrize("ab, xy", [(40, 85), (40, 60), (100, 300)])
+@pytest.mark.parametrize("leg", range(6))
+def test_one_open_lead_is_one_line(leg, ab, xy):
+    """The others answer otherwise than in a whole machine, and are not to blame for it."""
+    (line,) = wiring.decide(with_open_leads(answers(ab=ab, xy=xy, noise=0), leg)).mistakes
+    assert line.startswith(f"leg {PHASES[leg]}: its voltage drives no current: lead open, or")
+
+
+def test_two_open_leads_of_a_star_are_one_line_and_of_two_stars_are_two():
+    (line,) = wiring.decide(with_open_leads(answers(noise=0), 0, 4)).mistakes
+    assert line.startswith("legs u1, w1, v1: their voltages drive no current: two of their leads")
+    lines = wiring.decide(with_open_leads(answers(noise=0), 0, 3)).mistakes
+    assert [line.split(":")[0] for line in lines] == ["leg u1", "leg w2"]
 
 
 def test_a_mess_is_not_called_right():
@@ -131,6 +150,37 @@ def test_each_miswiring_is_named_below_the_current_limit(number):
             found = encoder.check(test, resistance(), 2.0).mistakes
     for word in words:
         assert any(word in line for line in found), found
+    assert 0 < sim.largest_A < LIMIT_A
+
+
+@pytest.mark.parametrize("kind", ("open", "blocked"))
+@pytest.mark.parametrize("number", part(range(6), 2))
+def test_an_open_lead_and_a_leg_that_does_not_switch_are_one_line_each(number, kind):
+    sim = Watched(SETUP.changed(sensors__i_noise_A=0.02, inverter__v_switch_V=1.0))
+    sim.break_leg(PHASES[number], kind)
+    with Excitation(sim, Limits(LIMIT_A, 0.1), travel_rev=10) as test:
+        (line,) = wiring.check(test).mistakes
+    assert line.startswith(f"leg {PHASES[number]}: its voltage drives no current")
+    assert 0 < sim.largest_A < LIMIT_A
+
+
+@pytest.mark.parametrize("reversed_too", (False, True))
+@pytest.mark.parametrize("kind", ("upper", "lower"))
+@pytest.mark.parametrize("number", part(range(6), 2))
+def test_a_switch_that_stays_off_is_one_line(number, kind, reversed_too):
+    """Its current flows one way only. The other legs' currents are not symmetrical then either, and
+    a sensor of the wrong sign does not exchange the switches."""
+    wires = [1, 2, 3, 4, 5, 6]
+    if reversed_too:
+        wires[number] *= -1
+    changes = dict(sensors__i_noise_A=0.02, inverter__v_switch_V=1.0, sensors__i_wires=wires)
+    sim = Watched(SETUP.changed(**changes))
+    sim.break_leg(PHASES[number], kind)
+    with Excitation(sim, Limits(LIMIT_A, 0.1), travel_rev=10) as test:
+        (line,) = wiring.check(test).mistakes
+    assert line.startswith(
+        f"leg {PHASES[number]}: its current flows one way only: its {kind} switch stays off"
+    )
     assert 0 < sim.largest_A < LIMIT_A
 
 

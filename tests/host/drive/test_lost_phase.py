@@ -287,6 +287,29 @@ def test_a_second_loss_stops(scheme, second):
     assert scheme == "ddr" or len(named) == (1 if second == "v1" else 2)
 
 
+@pytest.mark.parametrize("ride_through", ("off", "least-loss"))
+def test_a_loss_in_the_build_up_stops_and_a_second_one_at_its_end(ride_through):
+    """A drive that begins without u1 finds w1's loss when it begins to run."""
+    for begins, second in ((0.0, None), (0.1, None), (0.1, "w1")):
+        changes = dict(RIDE, controller__ride_through=ride_through, controller__build_s=0.4)
+        if second:
+            if ride_through == "off":
+                continue
+            changes["controller__lost_legs"] = 32
+        setup = setups.load("paper-a-feasible").changed(timing__latency="predicted", **changes)
+        sim = SimulatedDrive(setup, 1)
+        if second:
+            sim.break_leg("u1", "open")
+        sim.break_leg(second or "u1", "open", begins)
+        sim.start()
+        for _ in range(100):
+            sim.run(0.005, record=False)
+        assert sim.state == "fault" and sim.snapshot["faults"] == ["phase lost"]
+        assert sim.snapshot["state"] == ("run" if second else "build")
+        assert "phase u1 lost" in sim.snapshot["warnings"]
+        assert ("another phase lost" in sim.snapshot["warnings"]) == bool(second)
+
+
 def test_the_scheme_may_change_without_a_leg():
     sim = running("db-dtfc", 300.0, 2.0, **RIDE)
     sim.break_leg("w1", "blocked")

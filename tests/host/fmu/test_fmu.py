@@ -13,6 +13,7 @@ import pytest
 
 from hexatorque import firmware, setups
 from hexatorque.fmu import controller
+from hexatorque.results import waiting
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install fmpy")
 from fmpy.fmi1 import FMICallException  # noqa: E402
@@ -284,6 +285,9 @@ def test_a_trip_takes_the_gates_off_and_a_clear_is_refused_while_it_lasts(in_run
     assert fmu.get("state", "faults") == [0, 0]
     fmu.step()  # `clear` is still true: that is no command any more
     assert len(fmu.said) == 1
+    fmu.set(parameter__restart_count=1, run=True)
+    fmu.step()
+    assert fmu.said[1:] == [("warning", f"run: {waiting(60)}")]
 
 
 def test_a_description_of_another_set_up_is_refused(made):

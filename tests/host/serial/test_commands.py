@@ -80,6 +80,27 @@ def test_status_names_the_lost_phase_and_the_torque_that_is_left(call, board):
     assert (busy["warnings"], busy["torque_limit_Nm"], busy["state"]) == (None, None, "run")
 
 
+def test_a_phase_lost_during_a_recording_is_told_in_its_end_and_in_the_file(call, board, tmp_path):
+    """The drive goes on without it, so state and faults alone would not say so."""
+    file = tmp_path / "ride.csv"
+    words = ["stream", "i_u1_A", "speed_rpm", "--rate", "500", "-o", str(file)]
+    _, out, _ = call(*words, "--duration", "0.2", "--json")
+    assert json.loads(out)["warnings"] == Recording.load(file).meta["warnings"] == []
+    change = {"scheme": "ddr", "lost_legs": 32, "ride_through": "least-loss", "i_rated_A": 2.6}
+    with BoardDrive.open(board) as drive:
+        before = drive.get_many(list(change))
+    setting = [word for name, value in change.items() for word in ("--set", f"{name}={value}")]
+    try:
+        code, said, err = call(*words, "--duration", "1.5", "--start", *setting)
+        captured = call("capture", "i_u1_A", "--samples", "100", "-o", str(tmp_path / "c.csv"))[1]
+    finally:
+        assert call("set", *(f"{name}={value}" for name, value in before.items()))[0] == 0
+    assert code == 0, err
+    assert "warnings  phase u1 lost" in said and "warnings  phase u1 lost" in captured
+    for name in ("ride.csv", "c.csv"):
+        assert Recording.load(tmp_path / name).meta["warnings"] == ["phase u1 lost"]
+
+
 def test_parameters(call, tmp_path):
     code, out, _ = call("params", "list", "--json")
     rows = json.loads(out)

@@ -2,15 +2,18 @@
 profile ask, and one line that says what follows."""
 
 import json
+import math
+import re
 import shlex
 
 import pytest
 
-from hexatorque import setups
+from hexatorque import measure, setups
 from hexatorque.cli.main import main
 from hexatorque.firmware import schemes
 from hexatorque.setups import estimate, new, published
-from hexatorque.setups.review import outcome, review, unusual
+from hexatorque.setups.design import Design
+from hexatorque.setups.review import SHORT_PULSES, outcome, review, unusual
 
 CIRCUIT = "pole_pairs=2,rs_ohm=1.8,rr_ohm=2,lls_H=0.01,llr_H=0.015,lm_H=0.284,current_A=5,vdc_V=600"
 
@@ -221,7 +224,7 @@ def test_a_file_names_another_as_seen_from_its_own_folder(tmp_path, monkeypatch)
 
 
 def test_a_tuned_copy_finds_the_file_that_the_first_one_named(tmp_path):
-    from hexatorque.setups.edit import moved
+    from hexatorque.tuning.edit import moved
 
     (tmp_path / "mine.toml").write_text(new.from_circuit(CIRCUIT, "mine"))
     source = 'title = "first"\nsetup = "mine.toml"  # my machine\n[controller]\nscheme = "fdr"\n'
@@ -402,3 +405,88 @@ def test_new_says_why_no_scheme_is_ready_and_what_would_help(
     better = ",".join(f"{name}={word}" for name, word in words.items())
     assert "best of" in said_by_new(file, capsys, f"{CURRENT},{better}")
     assert said(setups.load(file)).ready
+
+
+# -- a trip that is too low ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("trip_A", (3.0, 5.0, 8.0))
+@pytest.mark.parametrize("name", ("paper-a-feasible", "small-2kw"))
+def test_the_remedy_of_a_low_trip_is_the_trip(name, trip_A):
+    """Sensors that read far more than the trip need no more range: the advice names the trip and a
+    value that is enough."""
+    setup = setups.load(name).changed(controller__i_trip_A=trip_A)
+    found = [f for f in review(setup, ["ddr"], steady=False) if "i_trip_A" in f.advice]
+    assert found or trip_A > 5
+    for f in found:
+        assert "sensors.i_full_A" not in f.advice
+        enough_A = float(re.search(r"raise controller\.i_trip_A to ([\d.]+) A", f.advice).group(1))
+        assert trip_A < enough_A < setup["sensors.i_full_A"]
+        again = review(setup.changed(controller__i_trip_A=enough_A), ["ddr"], steady=False)
+        (same,) = [g for g in again if g.subject == f.subject and g.scheme == f.scheme]
+        assert same.verdict == "ok", (f, same)
+
+
+def test_a_trip_that_the_sensors_do_not_reach_needs_both():
+    setup = setups.load("paper-a-feasible").changed(sensors__i_full_A=4.0, controller__i_trip_A=2.0)
+    advice = {f.subject: f.advice for f in review(setup, [], steady=False)}
+    assert advice["current at rated torque"] == (
+        "give the sensors more range (sensors.i_full_A), and raise controller.i_trip_A"
+    )
+    derived = setup.changed(controller__i_trip_A=0.85 * 4.0)
+    advice = {f.subject: f.advice for f in review(derived, [], steady=False)}
+    assert advice["current at rated torque"] == "give the sensors more range (sensors.i_full_A)"
+
+
+# -- the shortest pulse ----------------------------------------------------------------------
+
+
+def short_pulses(setup, names):
+    found = review(setup, names)
+    return {f.scheme: f for f in found if f.subject.startswith(SHORT_PULSES)}
+
+
+def test_pulses_of_40_percent_of_a_period_are_noted_with_the_range_that_fits():
+    """20 us and the dead time are most of half a period of 50 us: only vectors that last for whole
+    periods keep their voltage. 2 us take nothing from any scheme here."""
+    setup = setups.load("paper-a-feasible").changed(controller__f_isr_Hz=20e3)
+    default = short_pulses(setup, schemes())
+    assert set(default) == set(schemes())
+    assert all(f.verdict == "ok" and f.value < 0.1 for f in default.values())
+    long = setup.changed(controller__min_pulse_us=20.0)
+    found = short_pulses(long, schemes())
+    assert {name for name, f in found.items() if f.verdict == "ok"} == {"dtc1", "dtc2", "dtc3"}
+    for name in ("fdr", "db-dtfc"):
+        f = found[name]
+        most_us = float(re.search(r"up to ([\d.]+) us fit", f.advice).group(1))
+        for share, verdict in ((0.98, "ok"), (1.05, "note")):
+            near = long.changed(controller__min_pulse_us=share * most_us)
+            assert short_pulses(near, [name])[name].verdict == verdict
+
+
+def test_a_modulator_keeps_the_voltage_up_to_where_a_leg_comes_near_its_rail():
+    """Centred legs have duty ratios within 0.5 -+ sqrt(3)/2 v. None is nearer to a rail than the
+    dead time and the shortest pulse if v is at most (1 - 2 w)/sqrt(3), where w is their share."""
+    setup = setups.load("paper-b").with_scheme("foc").changed(controller__f_isr_Hz=20e3)
+    values = setups.parameters(setup)
+    d = Design(setup, values.__getitem__)
+    speed_rpm, load_Nm = 2500.0, 2.0
+    omega = d.machine.pole_pairs * speed_rpm * math.pi / 30 + d.slip_rad_s(load_Nm)
+    across_A = load_Nm / (3 * d.machine.pole_pairs * d.flux_Wb)
+    v = (omega * d.flux_Wb + d.machine.rs_ohm * across_A) / d.vdc_V
+    exact_us = 50 * (1 - math.sqrt(3) * v) / 2 - setup["inverter.dead_time_us"]
+    for share, changes in ((0.98, False), (1.02, True)):
+        f = short_pulses(setup.changed(controller__min_pulse_us=share * exact_us), ["foc"])["foc"]
+        assert (f.value > 0.1) == changes
+
+
+def test_the_pulses_that_are_noted_are_those_that_cost_torque_ripple():
+    setup = setups.load("paper-a-feasible").changed(controller__f_isr_Hz=20e3)
+    ripple_Nm, verdict = {}, {}
+    for us in (2.0, 12.0, 20.0):
+        changed = setup.changed(controller__min_pulse_us=us)
+        run = measure(changed, scheme="foc", speed_rpm=100.0, load_Nm=10.0)
+        ripple_Nm[us] = run.metrics["torque_ripple_Nm"]
+        verdict[us] = short_pulses(changed, ["foc"])["foc"].verdict
+    assert verdict == {2.0: "ok", 12.0: "ok", 20.0: "note"}
+    assert ripple_Nm[12.0] < 1.5 * ripple_Nm[2.0] and ripple_Nm[20.0] > 5 * ripple_Nm[2.0]

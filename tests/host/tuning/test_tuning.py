@@ -3,6 +3,7 @@
 import json
 import math
 import sys
+import tomllib
 from dataclasses import replace
 
 import pytest
@@ -10,8 +11,8 @@ import pytest
 from hexatorque import setups
 from hexatorque.cli.main import main
 from hexatorque.cli.tuning import _lines_of_errors
-from hexatorque.setups import Value, edit
-from hexatorque.tuning import aim, course, report, search, space, tuning
+from hexatorque.setups import Value
+from hexatorque.tuning import aim, course, edit, report, search, space, tuning
 from hexatorque.tuning.aim import Figures
 from hexatorque.tuning.course import Lost, Where
 
@@ -209,15 +210,11 @@ def test_the_rest_of_a_text_stays(before, after):
 
 
 @pytest.mark.parametrize("text", ("b.x = 1\n", "b = { x = 1 }\n", "[b.x]\nvalue = 1\n"))
-def test_a_text_of_another_form_is_not_guessed_at(text):
-    assert edit.edited(text, {"b": {"x": Value(3.5, "tuned", 'a "note"')}}) is None
-
-
-def test_a_set_up_on_top_of_another():
-    text = edit.on_top_of("paper-b", {"controller": {"flux_band_Wb": Value(0.01, "tuned", "n")}})
-    assert setups.parse(text, "new").values["controller"]["flux_band_Wb"] == Value(
-        0.01, "tuned", "n"
-    )
+def test_a_section_may_be_written_in_any_form(text):
+    tuned = edit.edited(f"a = 1  # one\n{text}", {"b": {"x": Value(3.5, "tuned", 'a "note"')}})
+    assert tuned.startswith("a = 1  # one\n")
+    row = {"value": 3.5, "tag": "tuned", "note": 'a "note"'}
+    assert tomllib.loads(tuned) == {"a": 1, "b": {"x": row}}
 
 
 # --- mistakes -------------------------------------------------------------------------------

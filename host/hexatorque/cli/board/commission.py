@@ -22,7 +22,7 @@ from .connection import open_drive, until_signal
         note="The steps: wiring, resistance, inductance, encoder, rotor, magnetisation, mechanics.",
     )
 )
-@options.value("--steps", metavar="A,B,...", help="these and what they need; default: all")
+@options.value("--steps", metavar="A,B,...", help="these steps and what they need; default: all")
 @options.value(
     "--current",
     metavar="A",

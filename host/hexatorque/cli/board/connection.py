@@ -21,7 +21,7 @@ SHORT_NAMES = {"speed": "speed_ref_rpm", "torque": "torque_ref_Nm"}
 
 
 def open_drive(device: str | None, baud: int | None) -> BoardDrive:
-    """To import what a drive needs takes as long as to find the board: both at once."""
+    """Importing takes as long as finding the board, so both are done in parallel."""
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:

@@ -16,10 +16,16 @@ from .connection import open_drive, until_signal
 
 @click.command(epilog=examples("board monitor"))
 @options.value(
-    "--port", metavar="P", type=options.http_port, default="0", help="of the page; 0: a free one"
+    "--port",
+    metavar="P",
+    type=options.http_port,
+    default="0",
+    help="port of the page; 0: a free one",
 )
 @click.option("--no-browser", is_flag=True, help="print the address only")
-@options.file("-o", "--output", metavar="DIR", default=Path("out/monitor"), help="for recordings")
+@options.file(
+    "-o", "--output", metavar="DIR", default=Path("out/monitor"), help="folder for recordings"
+)
 @options.board
 def monitor(port, no_browser, output, device, baud) -> int:
     """A local web page with a board's traces, parameters and commands.

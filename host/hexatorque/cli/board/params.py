@@ -108,7 +108,7 @@ def save(file, device, baud, as_json) -> int:
     shell_complete=completion.files,
 )
 @click.option("--setup", metavar="NAME|FILE", shell_complete=completion.setup,
-              help="The parameters that the simulation of this set-up uses.")  # fmt: skip
+              help="the parameters that the simulation of this set-up uses")  # fmt: skip
 @options.board
 @options.as_json
 def load(file, setup, device, baud, as_json) -> int:

@@ -50,8 +50,15 @@ def running(drive: BoardDrive, values: dict[str, object], start: bool) -> Iterat
 @click.command(epilog=examples("board stream i_u1_A torque_Nm speed_rpm --rate 2000 -o run.csv"))
 @options.channels
 @options.recording
-@options.value("--rate", metavar="HZ", type=options.number, help="default: what the line carries")
-@options.value("--decimation", metavar="N", type=options.whole, help="every N-th fast interrupt")
+@options.value(
+    "--rate",
+    metavar="HZ",
+    type=options.number,
+    help="samples per second; default: what the line carries",
+)
+@options.value(
+    "--decimation", metavar="N", type=options.whole, help="take every N-th fast interrupt"
+)
 @options.duration
 @started
 @options.board
@@ -85,7 +92,9 @@ def stream(
             state, faults, trip = drive.state, drive.faults, drive.trip
             why = BOARD_RESET if stream.ended else "user" if ended.is_set() else "duration"
             why = str(drive.stopped or why)
-            path = recorder.close(why, state=state, faults=faults)
+            stream.close()  # its share of the line is free now
+            warned = None if stream.ended else drive.warnings
+            path = recorder.close(why, state=state, faults=faults, warnings=warned)
     summary = {
         "file": str(path),
         "samples": recorder.samples,
@@ -95,9 +104,10 @@ def stream(
         **drive.line_counters(),
         "state": state,
         "faults": faults,
+        "warnings": warned,
         "ended": why,
     }
-    say(as_json, summary)
+    say(as_json, summary if as_json else summary | {"warnings": _told(warned)})
     if stream.ended:
         complain(str(stream.ended))
         return 1
@@ -105,6 +115,10 @@ def stream(
         complain(why)
         return 1
     return 0 if faulted else tripped(state, faults, trip)
+
+
+def _told(warned: list[str] | None) -> str:
+    return "not known" if warned is None else ", ".join(warned) or "none"
 
 
 def _write(
@@ -148,8 +162,10 @@ def _write(
 )
 @options.channels
 @options.recording
-@options.value("--samples", metavar="N", type=options.whole, default=1000)
-@options.value("--pre", metavar="N", type=options.whole, default=0, help="before the trigger")
+@options.value("--samples", metavar="N", type=options.whole, default=1000, help="number of samples")
+@options.value(
+    "--pre", metavar="N", type=options.whole, default=0, help="samples before the trigger"
+)
 @options.value(
     "--prescaler", metavar="N", type=options.whole, default=1, help="one sample in N interrupts"
 )
@@ -160,7 +176,10 @@ def _write(
     help="rising:CH:LEVEL, falling:…, above:…, below:…, fault, command, manual (at once)",
 )
 @options.value(
-    "--timeout", metavar="S", type=options.seconds, help="give up after; default: until Ctrl-C"
+    "--timeout",
+    metavar="S",
+    type=options.seconds,
+    help="give up after this time; default: until Ctrl-C",
 )
 @started
 @options.board
@@ -179,7 +198,7 @@ def capture(
     as_json,
     **before,
 ) -> int:
-    """Capture channels into the board's memory and bring them over.
+    """Capture channels into the board's memory and download them.
 
     The board takes a sample at every fast interrupt, which no serial line could carry.
     """
@@ -195,6 +214,7 @@ def capture(
         except BaseException:
             drive.cancel()
             raise
+        recording.meta["warnings"] = drive.warnings
     if drive.stopped:
         recording.meta["ended"] = str(drive.stopped)
     recording.save(output)
@@ -205,8 +225,9 @@ def capture(
         "trigger_tick": recording.meta["trigger_tick"],
         "state": recording.meta["state"],
         "faults": recording.meta["faults"],
+        "warnings": recording.meta["warnings"],
     }
-    say(as_json, summary)
+    say(as_json, summary if as_json else summary | {"warnings": _told(summary["warnings"])})
     if drive.stopped:
         complain(str(drive.stopped))
         return 1

@@ -29,6 +29,7 @@ LONG_S = 60.0
         "board serve --store bench.store",
         "board serve --fast 5",
         "board serve --break u1=open@5",
+        "board serve --trip-pin 5",
         "board serve --machine mps2-an386",
         "board serve --xcp 5555",
         note="In another terminal: hexatorque board start --speed 400",
@@ -37,7 +38,10 @@ LONG_S = 60.0
 @options.setup("paper-a-feasible")
 @options.settings
 @options.value(
-    "--load", metavar="NM", type=options.number, help="brake on the shaft; default: none"
+    "--load",
+    metavar="NM",
+    type=options.number,
+    help="torque of a brake on the shaft; default: none",
 )
 @options.value(
     "--machine",
@@ -51,7 +55,7 @@ LONG_S = 60.0
     metavar="N",
     type=options.number,
     default=1.0,
-    help="N times as fast as the clock; so is the line",
+    help="run N times as fast as the clock, and the line as well",
 )
 @options.file(
     "--store",
@@ -66,6 +70,15 @@ LONG_S = 60.0
     multiple=True,
     help="this phase's leg is open, blocked, or its upper or lower switch is dead; u1=open@2.5: "
     "from 2.5 s on. May be repeated",
+)
+@options.value(
+    "--trip-pin",
+    "pulls",
+    metavar="S[+LENGTH]",
+    type=options.trip_pin_given,
+    multiple=True,
+    help="the power stage pulls the trip pin low after S seconds, for 1 ms or LENGTH seconds. May "
+    "be repeated",
 )
 @options.value(
     "--xcp",
@@ -84,7 +97,20 @@ LONG_S = 60.0
 @options.file("--record", metavar="FILE", help="the simulation's own recording")
 @options.as_json
 def serve(
-    setup, settings, load, machine, baud, fast, store, breaks, tcp, xcp, link, record, as_json
+    setup,
+    settings,
+    load,
+    machine,
+    baud,
+    fast,
+    store,
+    breaks,
+    pulls,
+    tcp,
+    xcp,
+    link,
+    record,
+    as_json,
 ) -> int:
     """A virtual board: firmware and plant behind a serial port.
 
@@ -92,6 +118,7 @@ def serve(
     a TCP port, as the image on a DSP does on its serial port. Prints the port. Ends with Ctrl-C.
     """
     from ...boards.own_recording import OwnRecording
+    from ...boards.virtual import TRIP_PIN_S
     from ...boards.virtual import serve as serve_board
     from ...boards.xcp_port import XcpPort
     from ...recording.formats import check_output
@@ -110,6 +137,8 @@ def serve(
             board.sim.set("load_Nm", load)
         for phase, kind, after_s in breaks:
             board.sim.break_leg(phase, kind, after_s)
+        for after_s, for_s in pulls:
+            board.pull_trip_pin(after_s, for_s or TRIP_PIN_S)
         announcement = runtime.Announcement(line.port, board.title, board.controller.baud)
         own = None if record is None else OwnRecording(board.sim, record, _tell)
         try:

@@ -12,7 +12,7 @@ from .processors import budget, pil
     epilog=examples("evidence papers all", "evidence studies faults", "evidence pil --schemes ddr"),
 )
 def evidence() -> None:
-    """What can be trusted: figures made again, studies, other processors, costs.
+    """Reproduce the papers, run accuracy and fault studies, measure cost.
 
     Both papers' figures and tables beside the printed numbers, studies of accuracy and of
     faults, the firmware on other processors held against the host's, and what it costs there.

@@ -98,6 +98,7 @@ def studies(names, quick, output, as_json) -> int:
     """
     from importlib import import_module
 
+    from ...evidence.studies.grids import for_terminal
     from ...recording.formats import RecordingError
 
     for name in names:
@@ -125,7 +126,8 @@ def studies(names, quick, output, as_json) -> int:
                 picture = module.plot(result, output / f"{name}.png")
             except OSError as error:
                 raise RecordingError(f"{error.filename}: {error.strerror}") from None
-        for table in module.tables(result):
+        console.print("\n".join([module.TITLE, *filter(None, [getattr(module, "NOTE", "")])]))
+        for table in for_terminal(module.grid(result)):
             console.print(table)
         console.print(f"picture: {picture}", highlight=False)
         for line in module.failures(result):

@@ -32,7 +32,10 @@ from ..working import compile_now, working
 @options.value("--device", metavar="PORT", help="a board's serial port, e.g. /dev/ttyUSB1")
 @options.baud
 @options.file(
-    "-o", "--output", metavar="DIR|FILE", help=f"with a scenario: FILE, {suffixes_text()}"
+    "-o",
+    "--output",
+    metavar="DIR|FILE",
+    help=f"folder; with a scenario its recording: {suffixes_text()}",
 )
 @options.as_json
 def pil(

@@ -34,8 +34,8 @@ LAW_COLOURS = {
 
 @dataclass(frozen=True)
 class Look:
-    """Of a page of fronts: ends of the axis of switching frequency; whether every setting is a dot;
-    height of a point and of the legend; width; columns of the legend."""
+    """How a page of fronts looks: ends of the axis of switching frequency; whether every setting is
+    a dot; height of a point and of the legend; width; columns of the legend."""
 
     first_kHz: float
     last_kHz: float

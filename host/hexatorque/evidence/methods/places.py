@@ -24,7 +24,7 @@ class Place:
 
     @property
     def name(self) -> str:
-        """Of a point on one of the papers' machines."""
+        """The name of a point on one of the papers' machines."""
         letter = "B" if self.setup == "paper-b" else "A"
         return f"{letter} {self.speed_rpm:g} r/min {self.torque_Nm:g} N m"
 
@@ -83,7 +83,7 @@ PLACES = tuple(place for machine in MACHINES for place in machine.places)
 
 
 def label(place: Place) -> str:
-    """Of a point on one of MACHINES."""
+    """The name of a point on one of MACHINES."""
     machine = next(machine for machine in MACHINES if place in machine.places)
     return f"{machine.name}, {place.speed_rpm:g} r/min, {place.torque_Nm:g} N m"
 

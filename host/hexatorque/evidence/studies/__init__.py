@@ -1,10 +1,10 @@
 """Studies that show what the simulation and the firmware can be trusted for. Each study is one
 module and one command.
 
-A study module has TITLE, `study(quick, progress) -> dict` (plain data, for JSON), `tables(result)`
-(for the terminal), `plot(result, path)` and `failures(result)`. The last returns a line for each
-violated limit; for studies that only measure, it returns nothing. The `study` of those in KEEPING
-has one more argument, `folder`.
+A study module has TITLE, `study(quick, progress) -> dict` (plain data, for JSON), `grid(result)`
+(its tables), `plot(result, path)` and `failures(result)`. The last returns a line for each violated
+limit; for studies that only measure, it returns nothing. A NOTE tells what the cells of all tables
+are. The `study` of those in KEEPING has one more argument, `folder`.
 """
 
 #: Command-line name -> module, in the order of the chain: plant, firmware, drive.

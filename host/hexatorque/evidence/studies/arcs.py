@@ -16,6 +16,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
 from ...plant.vsd import PHASES
 from . import lost_phase
-from .grids import Grid, for_terminal
+from .grids import Grid
 from .runs import each
 
 TITLE = "Phases that open with an arc"
@@ -44,6 +45,7 @@ WATCH, WATCH_S = 3.0, 0.1
 NAMED_PCT, GONE_ON_PCT = 99.5, 99.5
 #: Time in which the drive settles without the leg, and of the measurement.
 SETTLE_S, WINDOW_S = lost_phase.SETTLE_S, lost_phase.WINDOW_S
+MARKS, COLOURS = ("o", "s", "^", "v"), ("#0072b2", "#56b4e9", "#d55e00", "#e69f00")
 #: Bands of the arc's voltage in the tables.
 BANDS = ((5.0, 15.0), (15.0, 60.0), (60.0, 300.0), (300.0, math.inf))
 
@@ -75,7 +77,7 @@ class Result:
     figures: dict[str, float] = field(default_factory=dict)
 
 
-def _log(rng: np.random.Generator, least: float, most: float) -> float:
+def drawn(rng: np.random.Generator, least: float, most: float) -> float:
     return least * (most / least) ** float(rng.random())
 
 
@@ -84,17 +86,17 @@ def _begun(
 ) -> tuple[Result, SimulatedDrive]:
     """The drive at its speed and load."""
     lost = lost_phase.Case(case.seed, case.scheme, case.phase, "open", case.mode)
-    setup = lost_phase._setup(lost, rng)
-    speed_rpm = lost_phase._speed(rng)
+    setup = lost_phase.drawn_setup(lost, rng)
+    speed_rpm = lost_phase.drawn_rpm(rng)
     if case.mode == "off":
         load_Nm = float(rng.uniform(lost_phase.LEAST_NM, lost_phase.MOST_NM))
     else:
         load_Nm = float(rng.uniform(-1.0, 1.0)) * lost_phase.most_load_Nm(case.scheme)
     result = Result(
         case,
-        _log(rng, LEAST_V, MOST_VDC * float(setup["inverter.vdc_V"])),
-        _log(rng, RESTRIKE_V_PER_MS, RESTRIKES * RESTRIKE_V_PER_MS) * int(rng.integers(2)),
-        _log(rng, *BOUNCE_MS) * int(rng.integers(2)),
+        drawn(rng, LEAST_V, MOST_VDC * float(setup["inverter.vdc_V"])),
+        drawn(rng, RESTRIKE_V_PER_MS, RESTRIKES * RESTRIKE_V_PER_MS) * int(rng.integers(2)),
+        drawn(rng, *BOUNCE_MS) * int(rng.integers(2)),
         speed_rpm,
         load_Nm,
     )
@@ -103,8 +105,8 @@ def _begun(
         inverter__restrike_V_per_ms=result.restrike_V_per_ms,
         inverter__bounce_ms=result.bounce_ms,
     )
-    sim = lost_phase._started(setup, progress)
-    lost_phase._to(sim, speed_rpm, load_Nm, progress)
+    sim = lost_phase.started(setup, progress)
+    lost_phase.settle_at(sim, speed_rpm, load_Nm, progress)
     return result, sim
 
 
@@ -135,30 +137,36 @@ def run(case: Case, progress: Progress | None = None) -> Result:
         result.outcome = "other"
         result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
     else:
-        _open(result, sim, rng, progress)
+        lose(result, sim, "open", 1e-3 * result.bounce_ms, rng, progress)
+        if result.outcome == "right" and case.mode != "off":
+            _go_on(result, sim, progress)
     if sim.gate_mistake:
         result.outcome, result.error = "gates", sim.gate_mistake
     return result
 
 
-def _open(
-    result: Result, sim: SimulatedDrive, rng: np.random.Generator, progress: Progress | None
+def lose(
+    result: Any,
+    sim: SimulatedDrive,
+    kind: str,
+    bounce_s: float,
+    rng: np.random.Generator,
+    progress: Progress | None,
 ) -> None:
-    case = result.case
-    period_s = lost_phase._period_s(sim)
+    """The leg of the case breaks, and the run is watched until a phase is named, or for so long.
+    What is named goes into the result."""
+    period_s = lost_phase.period_s(sim)
     after_s = float(rng.uniform(0, min(period_s, 0.1)))
-    sim.break_leg(case.phase, "open", after_s)
-    longest_s = after_s + WATCH * period_s + 1e-3 * result.bounce_ms + WATCH_S
+    sim.break_leg(result.case.phase, kind, after_s)
+    longest_s = after_s + WATCH * period_s + bounce_s + WATCH_S
     begin_s = sim.time_s
     while not _named(sim) and sim.state == firmware.RUN and sim.time_s - begin_s < longest_s:
         sim.run(lost_phase.STEP_S, record=False, progress=progress)
     taken_s = sim.time_s - begin_s - after_s
-    result.outcome = _outcome(sim, case.phase)
+    result.outcome = _outcome(sim, result.case.phase)
     result.figures = {"found_ms": 1e3 * taken_s, "periods": taken_s / period_s}
     if result.outcome != "right":
         result.error = f"{result.outcome}: {_told(sim)}"
-    elif case.mode != "off":
-        _go_on(result, sim, progress)
 
 
 def _told(sim: SimulatedDrive) -> str:
@@ -178,13 +186,13 @@ def _go_on(result: Result, sim: SimulatedDrive, progress: Progress | None) -> No
     while sim.state == firmware.RUN and sim.time_s - begin_s < SETTLE_S:
         sim.run(0.005, record=False, progress=progress)
     if sim.state == firmware.RUN:
-        window_s = max(WINDOW_S, lost_phase.CYCLES * lost_phase._period_s(sim))
+        window_s = max(WINDOW_S, lost_phase.CYCLES * lost_phase.period_s(sim))
         sim.run(window_s, progress=progress)
     if sim.state != firmware.RUN:
         result.error = f"stopped: {_told(sim)}"
         return
     result.figures["sound_off"] = float((_off(sim) & ~allowed).bit_count())
-    result.figures |= lost_phase._steady(sim, result.speed_rpm, case.phase)
+    result.figures |= lost_phase.steady(sim, result.speed_rpm, case.phase)
     wrong = [
         f"{name} {result.figures[name]:.3g}"
         for name in ("flux_pct", "speed_pct", "lost_A")
@@ -218,7 +226,7 @@ def cases(quick: bool) -> dict[str, list[Case]]:
 
 
 def row(task: tuple[str, Case], progress: Progress | None = None) -> dict:
-    """Of a campaign, one run."""
+    """One run of a campaign."""
     return {"campaign": task[0], **asdict(run(task[1], progress))}
 
 
@@ -278,7 +286,7 @@ def _kind(row: dict) -> str:
 KINDS = ("ends once", "strikes again", "bounces", "bounces and strikes again")
 
 
-def _named_cells(rows: list[dict]) -> list[str]:
+def named_cells(rows: list[dict]) -> list[str]:
     count = {
         outcome: sum(row["outcome"] == outcome for row in rows)
         for outcome in ("right", "sound", "late", "gates", "other")
@@ -318,11 +326,11 @@ def grid(result: dict) -> Grid:
         for scheme, rows in _lines(on, lambda row: row["case"]["scheme"], firmware.schemes())
     ]
     return [
-        ("A phase opens with an arc", heads, [[n, *_named_cells(r)] for n, r in by_band if r]),
+        ("A phase opens with an arc", heads, [[n, *named_cells(r)] for n, r in by_band if r]),
         (
             "The same, by what the contact does",
             ["contact", *heads[1:]],
-            [[n, *_named_cells(r)] for n, r in by_kind if r],
+            [[n, *named_cells(r)] for n, r in by_kind if r],
         ),
         (
             "The drive goes on",
@@ -332,26 +340,38 @@ def grid(result: dict) -> Grid:
     ]
 
 
-def tables(result: dict) -> list:
-    return for_terminal(grid(result))
-
-
-def plot(result: dict, path: Path) -> Path:
-    """Draws the time until the phase is named over the arc's voltage."""
+def draw(
+    groups: dict[str, list[tuple[float, float]]], across: str, up: str, title: str, path: Path
+) -> Path:
+    """Draws the points of each group, on two logarithmic scales."""
     from ...analysis import plots
 
     figure, axes = plots.new_figure(1, 1, 4.2)
     axis = axes[0][0]
-    for kind, mark, colour in zip(
-        KINDS, ("o", "s", "^", "v"), ("#0072b2", "#56b4e9", "#d55e00", "#e69f00")
-    ):
-        rows = [r for r in result["rows"] if _kind(r) == kind and r["outcome"] == "right"]
-        axis.plot([r["arc_V"] for r in rows], [max(r["figures"]["found_ms"], 0.1) for r in rows],
-                  mark, ms=3, color=colour, label=kind)  # fmt: skip
+    for (name, points), mark, colour in zip(groups.items(), MARKS, COLOURS):
+        axis.plot(
+            [x for x, _ in points], [y for _, y in points], mark, ms=3, color=colour, label=name
+        )
     axis.set_xscale("log")
     axis.set_yscale("log")
-    axis.set_xlabel("voltage of the arc [V]", **plots.LABEL)
-    axis.set_ylabel("until the phase is named [ms]", **plots.LABEL)
+    axis.set_xlabel(across, **plots.LABEL)
+    axis.set_ylabel(up, **plots.LABEL)
     axis.legend(**plots.LEGEND)
-    figure.suptitle("A phase opens with an arc", **plots.TITLE)
+    figure.suptitle(title, **plots.TITLE)
     return plots.save(figure, path)
+
+
+def found_ms(row: dict) -> float:
+    """The time until the phase was named, as far as a logarithmic scale shows it."""
+    return max(row["figures"]["found_ms"], 0.1)
+
+
+def plot(result: dict, path: Path) -> Path:
+    """Draws the time until the phase is named over the arc's voltage."""
+    right = [row for row in result["rows"] if row["outcome"] == "right"]
+    groups = {
+        kind: [(row["arc_V"], found_ms(row)) for row in right if _kind(row) == kind]
+        for kind in KINDS
+    }
+    up = "until the phase is named [ms]"
+    return draw(groups, "voltage of the arc [V]", up, "A phase opens with an arc", path)

@@ -30,7 +30,7 @@ from ...plant.vsd import INVERSE, PHASES
 from ...setups import Setup
 from ...setups.design import Design
 from . import plates
-from .grids import Grid, for_terminal
+from .grids import Grid
 
 TITLE = "Commissioning: errors of what it finds"
 QUICK = 1
@@ -150,7 +150,7 @@ def measured(setup: Setup, steps: Sequence[str] = tuple(STEPS)) -> dict[str, Any
 
 
 def _phases(found: Any, sim: SimulatedDrive, rs_ohm: float) -> list[list[float]]:
-    """Of each phase's resistance: true value, found one, its uncertainty."""
+    """Each phase's resistance: true value, found one, its uncertainty."""
     if not found.resistance:
         return []
     pairs = zip(sim.machine.drs_ohm, found.resistance.rs_ohm)
@@ -382,10 +382,6 @@ def grid(result: dict) -> Grid:
         )
     heads = ["set-up", "mistakes named", "largest current, share of --current"]
     return [*tables, ("Wrong wiring", heads, wrong)]
-
-
-def tables(result: dict) -> list:
-    return for_terminal(grid(result))
 
 
 def plot(result: dict, path: Path) -> Path:

@@ -18,10 +18,14 @@ import numpy as np
 from ...experiments.operating_points import NOT_MEASURED, Point, Progress, approach
 from ...parallel import each
 from ..methods import steps
-from .grids import Grid, for_terminal
+from .grids import Grid
 from .robustness import VARIANTS, Variant
 
 TITLE = "Dynamics: torque steps, reversal, load step, sag of the dc link"
+NOTE = (
+    "torque steps: rise up · down · overshoot; reversal: settling · overshoot; "
+    "load step and sag: deviation of the speed · largest phase current"
+)
 #: Set-up, speed in r/min, torque before and after in N m. Each step is made both ways.
 TORQUE_STEPS = (
     ("paper-a-feasible", 100.0, 2.0, 10.0),
@@ -138,15 +142,6 @@ def grid(result: dict) -> Grid:
         for (test, setup, speed), rows in _by_test(result).items()
     ]
     return [("", ["test", *labels], lines)]
-
-
-def tables(result: dict) -> list:
-    ((_, heads, lines),) = grid(result)
-    note = (
-        "torque steps: rise up · down · overshoot; reversal: settling · overshoot; "
-        "load step and sag: deviation of the speed · largest phase current"
-    )
-    return for_terminal([(f"{TITLE}\n{note}", heads, lines)])
 
 
 def plot(result: dict, path: Path) -> Path:

@@ -37,7 +37,7 @@ from ...plant.legs import HIGH, LOW, OFF
 from ...plant.vsd import PHASES
 from ...serial import wire
 from ...serial.client import HEARTBEAT_S
-from .grids import Grid, for_terminal
+from .grids import Grid
 from .runs import each
 
 TITLE = "Fault campaign"
@@ -1033,11 +1033,6 @@ def grid(result: dict) -> Grid:
     ]
     title = f"{result['runs']} runs; periods from injection to gates off, median / longest"
     return [(title, heads, rows)]
-
-
-def tables(result: dict) -> list:
-    ((title, heads, rows),) = grid(result)
-    return for_terminal([(f"{TITLE}: {title}", heads, rows)])
 
 
 def plot(result: dict, path: Path) -> Path:

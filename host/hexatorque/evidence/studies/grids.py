@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 #: Of each table: its title, its headings, its rows.
 Grid = list[tuple[str, list[str], list[list[str]]]]
+#: What a cell of a column of figures begins with.
+FIGURE = re.compile(r"[-+–\d]|$")
 
 
 def for_terminal(grid: Grid) -> list:
@@ -11,10 +15,11 @@ def for_terminal(grid: Grid) -> list:
 
     made = []
     for title, heads, rows in grid:
-        table = Table(title=title, title_justify="left")
-        for head in heads:
-            table.add_column(head)
+        table = Table(title=title or None, title_justify="left")
+        for n, head in enumerate(heads):
+            figures = all(FIGURE.match(row[n]) for row in rows)
+            table.add_column(head.replace("`", ""), justify="right" if figures else "left")
         for row in rows:
-            table.add_row(*row)
+            table.add_row(*(cell.replace("`", "") for cell in row))
         made.append(table)
     return made

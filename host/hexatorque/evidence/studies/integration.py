@@ -24,6 +24,7 @@ from ...plant.load import load_record
 from ...plant.loop import MAX_STEP_S, Plant, follow_log
 from ...plant.pwm import pwm_record
 from ...setups import load
+from .grids import Grid
 
 TITLE = "Integration: error against step size"
 SETUPS = ("paper-a-feasible", "paper-b")
@@ -146,22 +147,17 @@ def failures(result: dict) -> list[str]:
     ]
 
 
-def tables(result: dict) -> list:
-    from rich.table import Table
-
-    table = Table(
-        title=f"{TITLE}\nlargest error of a phase current / amplitude over "
-        f"{result['duration_s']:g} s; required {result['limit']:g}, default step "
-        f"{result['chosen_us']:g} us",
-        title_justify="left",
+def grid(result: dict) -> Grid:
+    title = (
+        f"largest error of a phase current / amplitude over {result['duration_s']:g} s; required "
+        f"{result['limit']:g}, default step {result['chosen_us']:g} us"
     )
-    table.add_column("set-up, scheme")
-    for step in result["step_us"]:
-        table.add_column(f"{step:g} us", justify="right")
-    for row in result["points"]:
-        errors = (f"{error:.1e}" for error in row["error"])
-        table.add_row(f"{row['setup']}, {row['scheme']}", *errors)
-    return [table]
+    heads = ["set-up, scheme", *(f"{step:g} us" for step in result["step_us"])]
+    rows = [
+        [f"{row['setup']}, {row['scheme']}", *(f"{error:.1e}" for error in row["error"])]
+        for row in result["points"]
+    ]
+    return [(title, heads, rows)]
 
 
 def plot(result: dict, path: str | Path) -> Path:

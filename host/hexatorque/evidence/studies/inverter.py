@@ -24,6 +24,7 @@ from ...plant.machine import phase_current
 from ...plant.machines.induction import Parameters, make
 from ...plant.record import names_of, record
 from ...plant.vsd import ANGLES_RAD
+from .grids import Grid
 
 TITLE = "Inverter: error voltage of a leg"
 CLOCK_HZ, PERIOD = 100e6, 10_000  #: counts: 10 kHz
@@ -132,7 +133,7 @@ def _belief_V(setup: setups.Setup, table: np.ndarray) -> np.ndarray:
     ffi, lib = firmware.ffi, firmware.lib
     dead_pu = setup["inverter.dead_time_us"] * 1e-6 * CLOCK_HZ / PERIOD
     dead = ffi.new("ht_dead_time *", {"dead_pu": dead_pu, "i_zero_A": setup.parameter("i_zero_A")})
-    spill = ffi.new("ht_spill *")
+    carry = ffi.new("ht_carry *")
     volts = []
     for row in table:
         rise, fall = row[RISE] / PERIOD, row[FALL] / PERIOD
@@ -141,7 +142,7 @@ def _belief_V(setup: setups.Setup, table: np.ndarray) -> np.ndarray:
         begin, end = ({"p": [row[n]] * 6} for n in (BEGIN, END))
         flows = (lib.ht_flow_of([i], dead) for i in (begin, end))
         flow = lib.ht_flow_at_edges(applied, *flows)
-        v = lib.ht_volt_seconds(applied, ffi.NULL, dead, flow, [begin], [end], spill, spill, True)
+        v = lib.ht_volt_seconds(applied, ffi.NULL, dead, flow, [begin], [end], carry, carry, True)
         volts.append(1.5 * (v.ab.alpha + v.xy.x) - (fall - rise))
     return setup["inverter.vdc_V"] * np.array(volts)
 
@@ -193,20 +194,14 @@ def failures(result: dict) -> list[str]:
     return []
 
 
-def tables(result: dict) -> list:
-    from rich.table import Table
-
-    table = Table(
-        title=f"{TITLE}\nmean leg voltage minus command [V], {_point(result)}",
-        title_justify="left",
-    )
-    table.add_column("current [A]", justify="right")
-    for curve in result["curves"]:
-        table.add_column(curve["name"], justify="right")
-    for i_A in (-0.9, -0.4, -0.2, -0.1, 0.0, 0.1, 0.2, 0.4, 0.9):
-        values = (np.interp(i_A, c["i_A"], c["error_V"]) for c in result["curves"])
-        table.add_row(f"{i_A:g}", *(f"{value:+.2f}" for value in values))
-    return [table]
+def grid(result: dict) -> Grid:
+    curves = result["curves"]
+    rows = [
+        [f"{i_A:g}", *(f"{np.interp(i_A, c['i_A'], c['error_V']):+.2f}" for c in curves)]
+        for i_A in (-0.9, -0.4, -0.2, -0.1, 0.0, 0.1, 0.2, 0.4, 0.9)
+    ]
+    title = f"mean leg voltage minus command [V], {_point(result)}"
+    return [(title, ["current [A]", *(curve["name"] for curve in curves)], rows)]
 
 
 def _point(result: dict) -> str:

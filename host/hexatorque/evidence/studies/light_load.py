@@ -14,6 +14,7 @@ import numpy as np
 
 from ... import setups
 from ...experiments.operating_points import Point, Progress, measure_all
+from .grids import Grid
 
 TITLE = "Light load: fdr against ddr at 400 r/min"
 SETUP = "paper-a-feasible"
@@ -124,26 +125,24 @@ def failures(result: dict) -> list[str]:
     return []
 
 
-def tables(result: dict) -> list:
-    from rich.table import Table
+NOTE = f"{SETUP}, {SPEED_RPM:g} r/min, mean and half spread over {len(LOADS_NM)} loads near 0"
+#: Part of the result -> what differs in it.
+VARIED = {"options": ("latency", "band_Nm", "flux_hold"), "gains": ("kp_pu_A", "lxy_H")}
 
-    made = []
-    note = f"{SETUP}, {SPEED_RPM:g} r/min, mean and half spread over {len(LOADS_NM)} loads near 0"
-    headings = {
-        "options": ("latency", "band_Nm", "flux_hold"),
-        "gains": ("kp_pu_A", "lxy_H"),
-    }
-    for part, keys in headings.items():
-        table = Table(title=f"{TITLE}: {part}\n{note}", title_justify="left")
-        table.add_column("scheme")
-        for key in keys:
-            table.add_column(key.replace("_", "\n"), no_wrap=True)
-        for figure, unit in zip(FIGURES, ("%", "%", "%", "A", "A")):
-            table.add_column(f"{figure} [{unit}]", justify="right")
-        for row in result[part]:
-            table.add_row(_variant(row), *(str(row[key]) for key in keys), *_cells(row))
-        made.append(table)
-    return made
+
+def grid(result: dict) -> Grid:
+    figures = [f"{name} [{unit}]" for name, unit in zip(FIGURES, ("%", "%", "%", "A", "A"))]
+    return [
+        (
+            part,
+            ["scheme", *(key.replace("_", "\n") for key in keys), *figures],
+            [
+                [_variant(row), *(str(row[key]) for key in keys), *_cells(row)]
+                for row in result[part]
+            ],
+        )
+        for part, keys in VARIED.items()
+    ]
 
 
 def plot(result: dict, path: Path) -> Path:

@@ -26,6 +26,7 @@ from ...firmware import lib
 from ...serial import wire
 from ...serial.sharing import REPLY_S, TRIES
 from ...serial.wire import Op, Status
+from .grids import Grid
 
 TITLE = "Serial link on a line that damages its bytes"
 SETUP = "paper-a-feasible"
@@ -366,56 +367,58 @@ def failures(result: dict) -> list[str]:
     return found
 
 
-def tables(result: dict) -> list:
-    from rich.table import Table
+#: What the table of the samples says, and the result's key.
+COUNTED = {
+    "sent": "sent",
+    "accepted": "accepted",
+    "accepted and wrong": "wrong",
+    "lost": "lost",
+    "lost, by the ticks": "lost_by_tick",
+    "gaps": "gaps",
+    "gaps, by the ticks": "gaps_by_tick",
+    "longest gap": "longest_gap",
+    "damaged frames that the receiver counted": "damaged_frames",
+}
 
-    s = result["samples"]
-    each = ", ".join(KINDS)
-    table = Table(title=f"{TITLE}\n{each}: {result['rate']:g} each per byte", title_justify="left")
-    table.add_column("samples")
-    table.add_column("", justify="right")
-    for name, key in (
-        ("sent", "sent"),
-        ("accepted", "accepted"),
-        ("accepted and wrong", "wrong"),
-        ("lost", "lost"),
-        ("lost, by the ticks", "lost_by_tick"),
-        ("gaps", "gaps"),
-        ("gaps, by the ticks", "gaps_by_tick"),
-        ("longest gap", "longest_gap"),
-        ("damaged frames that the receiver counted", "damaged_frames"),
-    ):
-        table.add_row(name, f"{s[key]:,}")
-    checks = Table(title="Damaged frames that pass", title_justify="left")
-    for name in ("per byte", "damaged", "exact COBS", "CRC-16", "and length", "one in"):
-        checks.add_column(name, justify="right")
-    for k in (8, 16):
-        checks.add_column(f"{k} bits of CRC-32, one in", justify="right")
+
+def grid(result: dict) -> Grid:
+    samples = [[name, f"{result['samples'][key]:,}"] for name, key in COUNTED.items()]
+    requests = [
+        [row["request"], *map(str, row["tries"]), str(row["failed"]), str(row["wrong"])]
+        for row in result["requests"]
+    ]
+    tries = (f"try {k}" for k in range(1, TRIES + 1))
+    return [
+        (f"{', '.join(KINDS)}: {result['rate']:g} each per byte", ["samples", ""], samples),
+        _passing(result),
+        (
+            "Requests, both directions damaged",
+            ["request", *tries, "failed", "wrong"],
+            requests,
+        ),
+    ]
+
+
+def _passing(result: dict) -> tuple[str, list[str], list[list[str]]]:
+    """How many damaged frames pass."""
+    heads = ["per byte", "damaged", "exact COBS", "CRC-16", "and length", "one in"]
+    heads += [f"{k} bits of CRC-32, one in" for k in (8, 16)]
+    rows = []
     for row in result["checks"]:
         bits = dict(map(tuple, row["bits"]))
-        checks.add_row(
-            f"{row['rate']:g}",
-            f"{row['damaged']:,}",
-            f"{row['cobs']:,}",
-            f"{row['crc16']:,}",
-            f"{row['crc16_and_length']:,}",
-            *(
-                f"{n / passed:,.0f}" if passed else "–"
-                for n, passed in (
-                    (row["damaged"], row["crc16"]),
-                    (row["damaged32"], bits[8]),
-                    (row["damaged32"], bits[16]),
-                )
-            ),
+        passed = (
+            (row["damaged"], row["crc16"]),
+            (row["damaged32"], bits[8]),
+            (row["damaged32"], bits[16]),
         )
-    requests = Table(title="Requests, both directions damaged", title_justify="left")
-    for name in ("request", *(f"try {k}" for k in range(1, TRIES + 1)), "failed", "wrong"):
-        requests.add_column(name, justify="right")
-    for row in result["requests"]:
-        requests.add_row(
-            row["request"], *map(str, row["tries"]), str(row["failed"]), str(row["wrong"])
+        rows.append(
+            [
+                f"{row['rate']:g}",
+                *(f"{row[key]:,}" for key in ("damaged", "cobs", "crc16", "crc16_and_length")),
+                *(f"{n / through:,.0f}" if through else "–" for n, through in passed),
+            ]
         )
-    return [table, checks, requests]
+    return "Damaged frames that pass", heads, rows
 
 
 def plot(result: dict, path: Path) -> Path:

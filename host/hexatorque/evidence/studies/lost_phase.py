@@ -30,7 +30,7 @@ from ...plant.legs import KINDS
 from ...plant.vsd import PHASES
 from ..methods.carrier import steady_state
 from ..methods.places import Place
-from .grids import Grid, for_terminal
+from .grids import Grid
 from .runs import each
 
 TITLE = "Lost phases"
@@ -102,7 +102,7 @@ def rated_A(setup: setups.Setup) -> float:
     return abs(steady_state(setup, place, setup.parameter("flux_ref_Wb")).i_A) / math.sqrt(2)
 
 
-def _setup(case: Case, rng: np.random.Generator) -> setups.Setup:
+def drawn_setup(case: Case, rng: np.random.Generator) -> setups.Setup:
     base = setups.load(SETUP)
     wrong = {
         f"controller__{name}": base.parameter(name) * rng.uniform(1 - WRONG_SHARE, 1 + WRONG_SHARE)
@@ -118,13 +118,13 @@ def _setup(case: Case, rng: np.random.Generator) -> setups.Setup:
     )
 
 
-def _speed(rng: np.random.Generator) -> float:
+def drawn_rpm(rng: np.random.Generator) -> float:
     size = SLOWEST_RPM * (FASTEST_RPM / SLOWEST_RPM) ** rng.random()
     return float(rng.choice([-1, 1]) * size)
 
 
-def _period_s(sim: SimulatedDrive) -> float:
-    """Of the flux."""
+def period_s(sim: SimulatedDrive) -> float:
+    """The period of the flux."""
     return 2 * math.pi / max(abs(sim.controller.channel("omega_sync_rad_s")), 1.0)
 
 
@@ -136,14 +136,16 @@ def _watch(sim: SimulatedDrive, seconds: float, progress: Progress | None) -> fl
     return sim.time_s - begin_s
 
 
-def _started(setup: setups.Setup, progress: Progress | None) -> SimulatedDrive:
+def started(setup: setups.Setup, progress: Progress | None) -> SimulatedDrive:
     """A drive at no load and full flux."""
     sim = SimulatedDrive(setup, 10)
     magnetise(sim, progress=progress)
     return sim
 
 
-def _to(sim: SimulatedDrive, speed_rpm: float, load_Nm: float, progress: Progress | None) -> None:
+def settle_at(
+    sim: SimulatedDrive, speed_rpm: float, load_Nm: float, progress: Progress | None
+) -> None:
     """To a speed, then to a load, whose sign is relative to the speed's."""
     sim.set("speed_ref_rpm", speed_rpm)
     sim.run(0.15 + 0.5 * abs(speed_rpm) / FASTEST_RPM, record=False, progress=progress)
@@ -168,14 +170,14 @@ def _found(
 ) -> None:
     """A leg breaks; the drive must stop and name the phase."""
     case = result.case
-    period_s = _period_s(sim)
-    after_s = float(rng.uniform(0, min(period_s, 0.1)))
+    one_s = period_s(sim)
+    after_s = float(rng.uniform(0, min(one_s, 0.1)))
     sim.break_leg(case.phase, case.kind, after_s)
-    taken_s = _watch(sim, after_s + 3 * period_s + 0.1, progress) - after_s
+    taken_s = _watch(sim, after_s + 3 * one_s + 0.1, progress) - after_s
     result.error = _named(sim, case.phase)
-    result.figures = {"found_ms": 1e3 * taken_s, "periods": taken_s / period_s}
-    if not result.error and taken_s / period_s > IN_TIME[case.kind]:
-        result.error = f"found after {taken_s / period_s:.2f} electrical periods"
+    result.figures = {"found_ms": 1e3 * taken_s, "periods": taken_s / one_s}
+    if not result.error and taken_s / one_s > IN_TIME[case.kind]:
+        result.error = f"found after {taken_s / one_s:.2f} electrical periods"
 
 
 SENSORS = ("none", "stands still", "zero jumps", "gain", "at its limit", "encoder lost")
@@ -199,7 +201,7 @@ def _healthy(
     result: Result, sim: SimulatedDrive, rng: np.random.Generator, progress: Progress | None
 ) -> None:
     """Reversals and load steps, then a sensor fails; no phase may be called lost."""
-    sim.set("speed_ref_rpm", _speed(rng))
+    sim.set("speed_ref_rpm", drawn_rpm(rng))
     sim.run(float(rng.uniform(0.1, 0.5)), record=False, progress=progress)
     sim.set("load_Nm", float(rng.uniform(-MOST_NM, MOST_NM)))
     sim.run(0.3, record=False, progress=progress)
@@ -209,7 +211,7 @@ def _healthy(
         result.error = f"called lost: {', '.join(sim.snapshot['warnings'] if sim.snapshot else ())}"
 
 
-def _steady(sim: SimulatedDrive, speed_rpm: float, phase: str) -> dict[str, float]:
+def steady(sim: SimulatedDrive, speed_rpm: float, phase: str) -> dict[str, float]:
     rec = sim.take()
     rms_A = {name: float(np.sqrt(np.mean(channel(rec, f"i_{name}_A") ** 2))) for name in PHASES}
     flux_Wb = np.hypot(rec["plant.psi_alpha_Wb"], rec["plant.psi_beta_Wb"])
@@ -256,7 +258,7 @@ def _goes_on(
     case, speed_rpm, load_Nm = result.case, result.speed_rpm, result.load_Nm
     sim.run(BEFORE_S, progress=progress)
     before_Nm = torque_ripple_td_Nm(sim.take())
-    sim.break_leg(case.phase, case.kind, float(rng.uniform(0, min(_period_s(sim), 0.1))))
+    sim.break_leg(case.phase, case.kind, float(rng.uniform(0, min(period_s(sim), 0.1))))
     least = 1.0
     begin_s = sim.time_s
     while sim.state == firmware.RUN and sim.time_s - begin_s < SETTLE_S:
@@ -267,7 +269,7 @@ def _goes_on(
         return
     if case.second:
         sim.break_leg(case.second, case.kind)
-        _watch(sim, 3 * _period_s(sim) + 0.1, progress)
+        _watch(sim, 3 * period_s(sim) + 0.1, progress)
         result.figures = {
             "stopped": float(sim.state == firmware.FAULT),
             "named": float(LOST in sim.faults),
@@ -280,8 +282,8 @@ def _goes_on(
         if sim.state != firmware.FAULT and off_rpm > most_rpm:
             result.error = f"{sim.speed_rpm:.0f} r/min after a second loss ({case.second})"
         return
-    sim.run(max(WINDOW_S, CYCLES * _period_s(sim)), progress=progress)
-    result.figures = _steady(sim, speed_rpm, case.phase) | {
+    sim.run(max(WINDOW_S, CYCLES * period_s(sim)), progress=progress)
+    result.figures = steady(sim, speed_rpm, case.phase) | {
         "dip_pct": float(100 * (1 - least)),
         "before_Nm": before_Nm,
     }
@@ -352,14 +354,14 @@ def run(campaign: str, case: Case, progress: Progress | None = None) -> Result:
     """One run of a campaign, with an error too if the gates were commanded what no power stage may
     see."""
     rng = np.random.default_rng(case.seed)
-    speed_rpm = _speed(rng)
+    speed_rpm = drawn_rpm(rng)
     if case.mode == "off":
         load_Nm = float(rng.uniform(LEAST_NM, MOST_NM))
     else:
         load_Nm = float(rng.uniform(-1.0, 1.0)) * most_load_Nm(case.scheme)
     result = Result(case, speed_rpm, load_Nm)
-    sim = _started(_setup(case, rng), progress)
-    _to(sim, speed_rpm, load_Nm, progress)
+    sim = started(drawn_setup(case, rng), progress)
+    settle_at(sim, speed_rpm, load_Nm, progress)
     if sim.state != firmware.RUN:
         result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
     else:
@@ -369,7 +371,7 @@ def run(campaign: str, case: Case, progress: Progress | None = None) -> Result:
 
 
 def row(task: tuple[str, Case], progress: Progress | None = None) -> dict:
-    """Of a campaign, one run."""
+    """One run of a campaign."""
     return {"campaign": task[0], **asdict(run(*task, progress))}
 
 
@@ -457,10 +459,6 @@ def _goes_on_table(result: dict) -> tuple[str, list[str], list[list[str]]]:
 
 def grid(result: dict) -> Grid:
     return [_found_table(result), _healthy_table(result), _goes_on_table(result)]
-
-
-def tables(result: dict) -> list:
-    return for_terminal(grid(result))
 
 
 def plot(result: dict, path: Path) -> Path:

@@ -13,6 +13,7 @@ from ... import firmware, setups
 from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
 from ...parallel import each
+from .grids import Grid
 
 TITLE = "Low speed: observers at rated torque"
 SETUP = "paper-a-feasible"
@@ -194,22 +195,17 @@ def failures(result: dict) -> list[str]:
     return lost
 
 
-def tables(result: dict) -> list:
-    from rich.table import Table
-
-    table = Table(
-        title=f"{TITLE}\n{SETUP}: 0, 30, 100 r/min, ±10 N m, {result['duration_s']:g} s each: "
-        "worst flux error, worst speed error [r/min]",
-        title_justify="left",
+def grid(result: dict) -> Grid:
+    title = (
+        f"{SETUP}: 0, 30, 100 r/min, ±10 N m, {result['duration_s']:g} s each: "
+        "worst flux error, worst speed error [r/min]"
     )
-    table.add_column("observer,\nscheme", min_width=11)
-    for resistances in RESISTANCES:
-        table.add_column(_heading(*resistances))
-    for label, by_resistance in _groups(result).items():
-        table.add_row(
-            label.replace(", ", "\n"), *(_cell(by_resistance[key]) for key in RESISTANCES)
-        )
-    return [table]
+    heads = ["observer,\nscheme", *(_heading(*resistances) for resistances in RESISTANCES)]
+    rows = [
+        [label.replace(", ", "\n"), *(_cell(by_resistance[key]) for key in RESISTANCES)]
+        for label, by_resistance in _groups(result).items()
+    ]
+    return [(title, heads, rows)]
 
 
 def plot(result: dict, path: Path) -> Path:

@@ -41,7 +41,7 @@ from ...setups.nameplate import FRICTION, IRON, Circuit, Nameplate, pull_out_rat
 from ...setups.review import best, ready_of, review
 from . import magnets
 from .commissioning import disturbed
-from .grids import Grid, for_terminal
+from .grids import Grid
 from .runs import each
 from .truths import SCATTER, Told, Truth, asked
 
@@ -397,12 +397,6 @@ def grid(result: dict) -> Grid:
         )
     heads = ["scheme", "`check` passes, and it is driven", "`check` says bad, and it fails"]
     return [*tables, ("What `check` said before", heads, rows)]
-
-
-def tables(result: dict) -> list:
-    plain = [[[c.replace("`", "") for c in r] for r in (h, *rows)] for _, h, rows in grid(result)]
-    titles = [title for title, *_ in grid(result)]
-    return for_terminal([(title, head, rows) for title, (head, *rows) in zip(titles, plain)])
 
 
 def plot(result: dict, path: Path) -> Path:

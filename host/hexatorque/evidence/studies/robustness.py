@@ -22,9 +22,10 @@ from ...experiments.operating_points import (
 )
 from ...experiments.prepare import other_dead_time
 from ...parallel import each
-from .grids import Grid, for_terminal
+from .grids import Grid
 
 TITLE = "Robustness: errors of parameters, sensors and inverter"
+NOTE = "Td [N m] · THD∞ [%] · ΔI [mA]"
 POINTS = (
     ("paper-a-feasible", 100.0, 10.0),
     ("paper-a-feasible", 900.0, 10.0),
@@ -210,15 +211,6 @@ def grid(result: dict) -> Grid:
         ]
         tables.append((point_name(point), ["error", *labels], lines))
     return tables
-
-
-UNITS = "Td [N m] · THD∞ [%] · ΔI [mA]"
-
-
-def tables(result: dict) -> list:
-    return for_terminal(
-        [(f"{TITLE}\n{name}: {UNITS}", heads, lines) for name, heads, lines in grid(result)]
-    )
 
 
 def plot(result: dict, path: Path) -> Path:

@@ -14,7 +14,7 @@ from ...drive.simulated import SimulatedDrive
 from ...experiments.operating_points import NOT_MEASURED, Point, Progress, measure
 from ...experiments.prepare import Prepare
 from ...parallel import each
-from .grids import Grid, for_terminal
+from .grids import Grid
 
 TITLE = "What the shortest gate pulse costs"
 SETUP = "paper-a-feasible"
@@ -106,10 +106,6 @@ def grid(result: dict) -> Grid:
         "without", *(f"{us:g} µs" for us in PULSES_US[1:]),
     ]  # fmt: skip
     return [("What it costs", heads, lines)]
-
-
-def tables(result: dict) -> list:
-    return for_terminal(grid(result))
 
 
 def plot(result: dict, path: Path) -> Path:

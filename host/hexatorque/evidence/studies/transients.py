@@ -28,7 +28,7 @@ from ...setups import Setup
 from ...setups.design import Design, rad_s
 from . import plates
 from .commissioning import Watched
-from .grids import Grid, for_terminal
+from .grids import Grid
 
 TITLE = "Flux and voltage that change: currents and the check of the flux"
 QUICK = 4
@@ -250,10 +250,6 @@ def grid(result: dict) -> Grid:
         f"stopped, of those wrong by {100 * WRONG:g} % and more", "most that was not stopped",
     ]  # fmt: skip
     return [*tables, ("Wrong estimates", heads, rows)]
-
-
-def tables(result: dict) -> list:
-    return for_terminal(grid(result))
 
 
 def plot(result: dict, path: Path) -> Path:

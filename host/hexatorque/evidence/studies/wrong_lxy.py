@@ -15,10 +15,9 @@ import numpy as np
 
 from ... import firmware, setups
 from ...drive.interface import Progress
-from ...drive.simulated import SimulatedDrive
 from ...plant.vsd import PHASES
 from . import arcs, lost_phase
-from .grids import Grid, for_terminal
+from .grids import Grid
 from .runs import each
 
 TITLE = "Phases lost while L_xy is believed wrong"
@@ -55,12 +54,12 @@ class Result:
 
 def _setup(case: Case, rng: np.random.Generator) -> setups.Setup:
     lost = lost_phase.Case(case.seed, case.scheme, case.phase, case.kind)
-    setup = lost_phase._setup(lost, rng)
+    setup = lost_phase.drawn_setup(lost, rng)
     lxy_H = setup["machine.lxy_H"] * float(rng.uniform(*TRUTHS))
     return setup.changed(
         machine__lxy_H=lxy_H,
         controller__lxy_H=case.belief * lxy_H,
-        inverter__arc_V=arcs._log(rng, arcs.LEAST_V, arcs.MOST_VDC * setup["inverter.vdc_V"]),
+        inverter__arc_V=arcs.drawn(rng, arcs.LEAST_V, arcs.MOST_VDC * setup["inverter.vdc_V"]),
     )
 
 
@@ -68,32 +67,18 @@ def run(case: Case, progress: Progress | None = None) -> Result:
     """One run, with an error too if the gates were commanded what no power stage may see."""
     rng = np.random.default_rng(case.seed)
     setup = _setup(case, rng)
-    speed_rpm = lost_phase._speed(rng)
+    speed_rpm = lost_phase.drawn_rpm(rng)
     load_Nm = float(rng.uniform(lost_phase.LEAST_NM, lost_phase.MOST_NM))
     result = Result(case, setup["machine.lxy_H"], setup["inverter.arc_V"], speed_rpm, load_Nm)
-    sim = lost_phase._started(setup, progress)
-    lost_phase._to(sim, speed_rpm, load_Nm, progress)
+    sim = lost_phase.started(setup, progress)
+    lost_phase.settle_at(sim, speed_rpm, load_Nm, progress)
     if sim.state != firmware.RUN:
         result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
         return result
-    _lose(result, sim, rng, progress)
+    arcs.lose(result, sim, case.kind, 0.0, rng, progress)
     if sim.gate_mistake:
         result.outcome, result.error = "gates", sim.gate_mistake
     return result
-
-
-def _lose(
-    result: Result, sim: SimulatedDrive, rng: np.random.Generator, progress: Progress | None
-) -> None:
-    period_s = lost_phase._period_s(sim)
-    after_s = float(rng.uniform(0, min(period_s, 0.1)))
-    sim.break_leg(result.case.phase, result.case.kind, after_s)
-    longest_s = after_s + arcs.WATCH * period_s + arcs.WATCH_S
-    taken_s = lost_phase._watch(sim, longest_s, progress) - after_s
-    result.outcome = arcs._outcome(sim, result.case.phase)
-    result.figures = {"found_ms": 1e3 * taken_s, "periods": taken_s / period_s}
-    if result.outcome != "right":
-        result.error = f"{result.outcome}: {arcs._told(sim)}"
 
 
 def cases(quick: bool) -> list[Case]:
@@ -131,7 +116,7 @@ def failures(result: dict) -> list[str]:
 
 def grid(result: dict) -> Grid:
     lines = [
-        [f"{belief:.1f}", *arcs._named_cells(rows)]
+        [f"{belief:.1f}", *arcs.named_cells(rows)]
         for belief in BELIEFS
         if (rows := [row for row in result["rows"] if row["case"]["belief"] == belief])
     ]
@@ -142,26 +127,16 @@ def grid(result: dict) -> Grid:
     return [("A leg breaks while L_xy is believed wrong", heads, lines)]
 
 
-def tables(result: dict) -> list:
-    return for_terminal(grid(result))
-
-
 def plot(result: dict, path: Path) -> Path:
     """Draws the time until the phase is named over the speed."""
-    from ...analysis import plots
-
-    figure, axes = plots.new_figure(1, 1, 4.2)
-    axis = axes[0][0]
-    for belief, mark, colour in zip(BELIEFS, ("v", "o", "^"), ("#0072b2", "#e69f00", "#d55e00")):
-        own = [r for r in result["rows"] if r["case"]["belief"] == belief]
-        right = [r for r in own if r["outcome"] == "right"]
-        axis.plot([abs(r["speed_rpm"]) for r in right],
-                  [max(r["figures"]["found_ms"], 0.1) for r in right],
-                  mark, ms=3, color=colour, label=f"{belief:.1f} times")  # fmt: skip
-    axis.set_xscale("log")
-    axis.set_yscale("log")
-    axis.set_xlabel("speed [r/min]", **plots.LABEL)
-    axis.set_ylabel("from the loss to the fault [ms]", **plots.LABEL)
-    axis.legend(**plots.LEGEND)
-    figure.suptitle("How soon a lost leg is named, by the belief of L_xy", **plots.TITLE)
-    return plots.save(figure, path)
+    right = [row for row in result["rows"] if row["outcome"] == "right"]
+    groups = {
+        f"{belief:.1f} times": [
+            (abs(row["speed_rpm"]), arcs.found_ms(row))
+            for row in right
+            if row["case"]["belief"] == belief
+        ]
+        for belief in BELIEFS
+    }
+    title = "How soon a lost leg is named, by the belief of L_xy"
+    return arcs.draw(groups, "speed [r/min]", "from the loss to the fault [ms]", title, path)

@@ -80,7 +80,7 @@ def test_a_sound_leg_and_too_many_other_errors_are_failures(bad, number, failed)
 
 
 def test_a_drive_that_does_not_run_before_the_loss_is_an_error(monkeypatch):
-    monkeypatch.setattr(arcs.lost_phase, "_to", lambda sim, *_: sim.stop())
+    monkeypatch.setattr(arcs.lost_phase, "settle_at", lambda sim, *_: sim.stop())
     result = arcs.run(arcs.Case(30_000, "ddr", "u1"))
     assert (result.outcome, result.error) == ("other", "idle before the loss: ")
 

@@ -36,7 +36,7 @@ def test_a_good_result_has_no_failure(tmp_path):
     assert table[2][1][-1] == "120 of 120 phases"
     assert built_in[2][0] == ["R_s", "2.02 (+1.0 %)"]
     assert miswired[2] == [["paper-b", "30 of 30", "70 %"]]
-    assert len(study.tables(RESULT)) == 3
+    assert len(study.grid(RESULT)) == 3
     assert study.plot(RESULT, tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
 
 

@@ -33,8 +33,8 @@ def _result():
 def test_tables_picture_and_limits(tmp_path):
     result = _result()
     assert dynamics.failures(result) == []
-    (table,) = dynamics.tables(result)
-    assert len(table.rows) == 4
+    ((_, _, table),) = dynamics.grid(result)
+    assert len(table) == 4
     path = dynamics.plot(result, tmp_path / "dynamics.png")
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000
     slow, lost = (r for r in result["rows"] if r["variant"] == "db-dtfc" and r["test"][0] in "-s")

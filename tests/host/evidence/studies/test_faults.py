@@ -124,7 +124,7 @@ def test_the_page_states_the_currents_of_a_hung_processor(setup, safety_page):
 
 
 def test_tables_and_picture(result, tmp_path):
-    assert len(faults.tables(result)[0].rows) == len(result["rows"]) > len(faults.FAULTS)
+    assert len(faults.grid(result)[0][2]) == len(result["rows"]) > len(faults.FAULTS)
     assert faults.failures(result) == []
     path = faults.plot(result, tmp_path / "faults.png")
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000

@@ -8,10 +8,10 @@ from hexatorque import setups
 from hexatorque.evidence.studies.integration import (
     errors,
     failures,
+    grid,
     plot,
     replay,
     run_segment,
-    tables,
 )
 from hexatorque.experiments.operating_points import Point, approach
 from hexatorque.plant.loop import MAX_STEP_S
@@ -38,7 +38,7 @@ def test_study_and_its_figure(tmp_path):
         assert error[4] < 1e-10
         chosen = error[result["step_us"].index(MAX_STEP_S * 1e6)]
         assert chosen < result["limit"] / 5
-    assert len(tables(result)[0].rows) == 2
+    assert len(grid(result)[0][2]) == 2
     assert failures(result) == []
     assert len(failures(result | {"limit": 1e-20})) == 2
     path = plot(result, tmp_path / "error.png")

@@ -55,6 +55,6 @@ def test_study_and_its_picture(tmp_path):
     result = inverter.study()
     assert result["plateau_V"] == pytest.approx(DEAD_TIME_V)
     assert [len(c["i_A"]) > 100 for c in result["curves"]] == [True] * 3
-    assert len(inverter.tables(result)[0].rows) == 9
+    assert len(inverter.grid(result)[0][2]) == 9
     path = inverter.plot(result, tmp_path / "inverter.png")
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000

@@ -104,8 +104,8 @@ def test_tables_and_picture(tmp_path):
     rows[3]["flux_error"] = (-0.06, 0.02)
     assert len(low_speed.failures(result)) == 1
     rows[3]["flux_error"] = (-0.01, 0.02)
-    table = low_speed.tables(result)[0]
-    assert [list(c.cells) for c in table.columns][-1] == [
+    ((_, _, table),) = low_speed.grid(result)
+    assert [row[-1] for row in table] == [
         "+2.0 %, 1.5", "+2.0 %, 1.5; 1 of 6 tripped",
     ]  # fmt: skip
     path = low_speed.plot(result, tmp_path / "low-speed.png")

@@ -131,9 +131,9 @@ def test_too_few_are_a_failure(tmp_path):
     assert machines.failures({"rows": [refused]}) == [
         "plate, as new writes it: 0 of 1, needed are 90 %"
     ]
-    driven, said = machines.tables(lost)
-    assert len(driven.rows) == len(machines.WAYS) * (len(firmware.schemes()) + 1)
-    assert len(said.rows) == len(firmware.schemes()) + 1
+    (_, _, driven), (_, _, said) = machines.grid(lost)
+    assert len(driven) == len(machines.WAYS) * (len(firmware.schemes()) + 1)
+    assert len(said) == len(firmware.schemes()) + 1
     path = machines.plot(lost, tmp_path / "machines.png")
     assert path.read_bytes()[:4] == b"\x89PNG"
 

@@ -57,8 +57,7 @@ def _result():
 def test_tables_picture_and_limits(tmp_path):
     result = _result()
     assert robustness.failures(result) == []
-    made = robustness.tables(result)
-    assert [len(table.rows) for table in made] == [2] * len(POINTS)
+    assert [len(rows) for _, _, rows in robustness.grid(result)] == [2] * len(POINTS)
     path = robustness.plot(result, tmp_path / "robustness.png")
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000
     ours = [row for row in result["rows"] if row["variant"] == "db-dtfc"]

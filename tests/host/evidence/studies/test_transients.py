@@ -68,6 +68,6 @@ def test_too_many_trips_and_too_few_finds_are_failures(result):
         f"healthy: {runs - lost} of {runs} runs without a trip, needed are 97 %",
         f"{transients.WRONGS[0][0]}: 0 of {transients.QUICK} found, needed are 95 %",
     ]
-    healthy, wrong = transients.tables(worse)
-    assert len(healthy.rows) == len({s for m in result["machines"] for s in m["schemes"]})
-    assert len(wrong.rows) == len(transients.WRONGS)
+    (_, _, healthy), (_, _, wrong) = transients.grid(worse)
+    assert len(healthy) == len({s for m in result["machines"] for s in m["schemes"]})
+    assert len(wrong) == len(transients.WRONGS)

@@ -78,14 +78,14 @@ def test_a_belief_that_hardly_shows_names_no_sound_leg():
 
 
 def test_a_sound_drive_that_stops_is_no_right_one(monkeypatch):
-    to = lost_phase._to
+    to = lost_phase.settle_at
 
     def lose_before(sim, *args):
         to(sim, *args)
         sim.break_leg("w2", "open")
         sim.run(0.1, record=False)
 
-    monkeypatch.setattr(lost_phase, "_to", lose_before)
+    monkeypatch.setattr(lost_phase, "settle_at", lose_before)
     row = asdict(wrong_lxy.run(case_of(50_004)))
     assert row["outcome"] == "other" and row["error"] == "fault before the loss: phase lost"
 
