@@ -62,7 +62,8 @@ file(GLOB drivers CONFIGURE_DEPENDS ${port}/*.c)
 # The link of the drive's image. It runs from flash, because its requests may wait.
 set(background firmware/app/ht_service.c firmware/app/ht_service_requests.c
   firmware/app/ht_requests_drive.c firmware/app/ht_requests_sampling.c firmware/app/ht_requests_session.c
-  firmware/app/ht_dictionary.c firmware/app/ht_reset.c firmware/app/ht_store.c)
+  firmware/app/ht_dictionary.c firmware/app/ht_log.c firmware/app/ht_log_ring.c firmware/app/ht_reset.c
+  firmware/app/ht_store.c)
 # Frames and the fault snapshot, which both images use. They may run from flash as well.
 set(frames firmware/app/ht_snapshot.c firmware/link/ht_packet.c)
 set(octets "${CMAKE_CURRENT_SOURCE_DIR}/firmware/link/ht_octets.c")

@@ -19,6 +19,7 @@ HEADERS = (
     "ht_drive.h",
     "ht_misfit.h",
     "ht_store.h",
+    "ht_log.h",
     "ht_comparator.h",
     "ht_vsd.h",
     "ht_vectors.h",

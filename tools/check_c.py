@@ -53,7 +53,7 @@ IMAGES = (
          "ht_port_c2000.c", "ht_pwm.c", "ht_service.c", "ht_service_fast.c",
          "ht_service_requests.c",
          "ht_requests_drive.c", "ht_requests_sampling.c", "ht_requests_session.c",
-         "ht_dictionary.c", "ht_store.c", "ht_no_store.c",
+         "ht_dictionary.c", "ht_log.c", "ht_log_ring.c", "ht_store.c", "ht_no_store.c",
          "ht_burst.c", "ht_streams.c"),
         (),
     ),

@@ -323,6 +323,7 @@ const REQUESTS = {
   "/device": (board) => board.device(),
   "/values": (board) => board.values,
   "/snapshot": (board) => ({ found: board.drive.snapshot() }),
+  "/log": () => ({ found: null }),
   "/captures": (board) => [...board.captures.values()].map((one) => board.described(one)),
   "/commissioning": () => ({ found: null }),
   "/capture"(board, _, { number }) {

@@ -20,11 +20,16 @@ enum {
     /** Why the board started: one row of a board that knows it (ht_service.h), which is no table. */
     HT_LIST_RESET = 5,
     /** One row with all bits of the latched faults, and of the snapshot's: no table either. */
-    HT_LIST_FAULTS = 6
+    HT_LIST_FAULTS = 6,
+    /** Of the log (ht_log.h): one row of counters; a row for each event, the latest first. */
+    HT_LIST_COUNTERS = 7,
+    HT_LIST_EVENTS = 8,
+    /** A row for each limit, and when it acted: not in the CRC either. */
+    HT_LIST_LIMITS = 9
 };
 
 /** Minor version of the protocol, told by the row of additions; HT_SERVICE_VERSION is the major. */
-#define HT_DICTIONARY_MINOR 3u
+#define HT_DICTIONARY_MINOR 4u
 
 /** Rows of a kind; 0 for an unknown one. */
 uint16_t ht_dictionary_rows(uint16_t kind);

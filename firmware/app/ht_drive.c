@@ -37,6 +37,16 @@ uint16_t ht_state_flags(uint16_t state)
     return (state < (uint16_t)HT_STATES) ? all[state] : (uint16_t)HT_ALL_FLAGS;
 }
 
+const ht_limit_info *ht_limit_describe(uint16_t row)
+{
+    static const ht_limit_info table[HT_LIMITS] = {
+#define HT_LIMIT(name, bit, text, help) {(bit), text, help},
+#include "ht_limits.def"
+#undef HT_LIMIT
+    };
+    return (row < (uint16_t)HT_LIMITS) ? &table[row] : NULL;
+}
+
 void ht_drive_set_levels(ht_drive *d)
 {
     ht_trip_levels levels;

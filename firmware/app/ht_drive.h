@@ -54,12 +54,25 @@ uint16_t ht_state_flags(uint16_t state);
 
 /** Limits that keep the torque from its reference (channel `limits`). */
 enum {
-    HT_LIMIT_TORQUE = 1,
-    HT_LIMIT_VDC_HIGH = 2,
-    HT_LIMIT_VDC_LOW = 4,
-    HT_LIMIT_POWER = 8,
-    HT_LIMIT_HEAT = 16
+#define HT_LIMIT(name, bit, text, help) HT_LIMIT_##name = (bit),
+#include "ht_limits.def"
+#undef HT_LIMIT
 };
+enum {
+    HT_LIMITS = 0 /**< how many there are */
+#define HT_LIMIT(name, bit, text, help) +1
+#include "ht_limits.def"
+#undef HT_LIMIT
+};
+
+typedef struct {
+    uint16_t bit;
+    const char *name;
+    const char *help;
+} ht_limit_info;
+
+/** Table entry, or NULL if there is no such row. */
+const ht_limit_info *ht_limit_describe(uint16_t row);
 
 /** The values of the fast interrupt that raised the latest fault. */
 typedef struct {
@@ -143,9 +156,13 @@ typedef struct {
     float along_A;                  /**< current along the flux at the last slow interrupt */
     ht_short_circuit_state short_circuit;
     ht_rotor_catch_state rotor_catch;
-    ht_snapshot snapshot;       /**< of the latest fault; a clear keeps it */
-    ht_params params;           /**< the latest that were accepted */
-    ht_drive_config configs[2]; /**< the one in force and the next */
+    ht_snapshot snapshot;           /**< of the latest fault; a clear keeps it */
+    ht_params params;               /**< the latest that were accepted */
+    ht_drive_config configs[2];     /**< the one in force and the next */
+    /* Of the slow interrupt, out of the fast one's way. */
+    uint32_t limit_from[HT_LIMITS]; /**< tick at which each limit began to act, the latest time */
+    uint32_t limit_to[HT_LIMITS];   /**< and at which it was last seen to */
+    uint16_t torque_limited_by;     /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. No interrupt

@@ -102,6 +102,8 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
     d->torque_limit_Nm = d->params.v[HT_P_torque_limit_Nm];
     d->torque_least_Nm = -d->torque_limit_Nm;
+    d->torque_limited_by = (uint16_t)HT_LIMIT_TORQUE;
+    d->limits = 0u;
     ht_ramp_reset(&d->ramp, 0.0f);
     d->motion = (uint16_t)HT_MOTION_FOLLOW;
     d->along_A = 0.0f;
@@ -124,6 +126,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     ht_drive_config *next;
     ht_result result;
     uint16_t id;
+    uint16_t row;
     for (id = 0u; id < HT_PARAMS; id++) {
         if (!ht_configure_valid(port, id, p->v[id])) {
             return HT_ERROR_VALUE;
@@ -132,6 +135,10 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     (void)unstage(d, &next); /* memory may hold anything */
     next->params = *p;
     d->tick = 0u; /* before the set-up, which reads it */
+    for (row = 0u; row < (uint16_t)HT_LIMITS; row++) {
+        d->limit_from[row] = 0u;
+        d->limit_to[row] = 0u;
+    }
     result = set_up(d, port, next);
     if (result != HT_OK) {
         return result;

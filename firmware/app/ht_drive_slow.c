@@ -84,30 +84,50 @@ static float rotor_Wb(const ht_drive *d)
     return (d->protect.rotor_now_Wb > least_Wb) ? d->protect.rotor_now_Wb : least_Wb;
 }
 
+/* The torque limit, and what makes it so. */
+typedef struct {
+    float most_Nm;
+    uint16_t by; /* HT_LIMIT_... */
+} ht_limit;
+
+static void limit_to(ht_limit *limit, float most_Nm, unsigned by)
+{
+    if (most_Nm < limit->most_Nm) { /* NaN limits nothing */
+        limit->most_Nm = most_Nm;
+        limit->by = (uint16_t)by;
+    }
+}
+
 /* What the parameters allow, and what flux and current can give. The rotor flux is between now and the
  * next slow interrupt on its way from what it is to what it settles at, and at a given torque the
  * current is largest at one end of this way. */
-static float torque_limit(const ht_drive *d, const ht_drive_config *c, float most_A, float along_A)
+static ht_limit torque_limit(const ht_drive *d, const ht_drive_config *c, float most_A,
+                             float along_A)
 {
-    float limit = c->params.v[HT_P_torque_limit_Nm];
+    ht_limit limit = {c->params.v[HT_P_torque_limit_Nm], (uint16_t)HT_LIMIT_TORQUE};
     float flux_ref = d->flux_ref_Wb;
-    limit = smaller(c->pull_out_Nm_Wb2 * flux_ref * flux_ref, limit);
+    unsigned flux = (flux_ref < d->flux_ramp_Wb) ? (unsigned)HT_LIMIT_VOLTAGE
+                                                 : (unsigned)HT_LIMIT_FLUX;
+    limit_to(&limit, c->pull_out_Nm_Wb2 * flux_ref * flux_ref, flux);
     if ((c->params.v[HT_P_flux_least_loss] != 0.0f)
         && (d->flux_ramp_Wb < c->params.v[HT_P_flux_ref_Wb])) {
-        limit = smaller(c->least_loss.reach_Nm_Wb2 * flux_ref * flux_ref, limit);
+        limit_to(&limit, c->least_loss.reach_Nm_Wb2 * flux_ref * flux_ref, HT_LIMIT_FLUX);
     }
-    limit = smaller(ht_derated_Nm(&c->derating, most_A, flux_ref), limit);
-    limit = smaller(ht_derated_now_Nm(&c->derating, most_A, flux_ref, rotor_Wb(d)), limit);
+    limit_to(&limit, ht_derated_Nm(&c->derating, most_A, flux_ref), HT_LIMIT_CURRENT);
+    limit_to(&limit, ht_derated_now_Nm(&c->derating, most_A, flux_ref, rotor_Wb(d)),
+             HT_LIMIT_CURRENT);
     /* The same from what is measured: the current along the flux, one slow period on. */
-    limit = smaller(ht_derated_beside_Nm(&c->derating, most_A, flux_ref, along_A), limit);
+    limit_to(&limit, ht_derated_beside_Nm(&c->derating, most_A, flux_ref, along_A),
+             HT_LIMIT_CURRENT);
     if (d->off_legs != 0u) {
         /* While the flux goes down to its new limit, that one counts: currents above the rated one
          * for a while harm nothing, a drive without torque may. */
         float i_A = derated_A(d, c);
-        float flux = ht_derated_Wb(&c->derating, i_A);
-        float rated =
-            ht_derated_Nm(&c->derating, i_A, (d->flux_ref_Wb < flux) ? d->flux_ref_Wb : flux);
-        limit = smaller(rated, limit);
+        float most_Wb = ht_derated_Wb(&c->derating, i_A);
+        limit_to(
+            &limit,
+            ht_derated_Nm(&c->derating, i_A, (d->flux_ref_Wb < most_Wb) ? d->flux_ref_Wb : most_Wb),
+            HT_LIMIT_LEGS);
     }
     return limit;
 }
@@ -139,6 +159,11 @@ static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
  * which are larger then. */
 #define DERATING_STEP 0.2f
 
+/* Limits that more flux may move. */
+#define OF_THE_MACHINE                                                                 \
+    ((unsigned)HT_LIMIT_VOLTAGE | (unsigned)HT_LIMIT_FLUX | (unsigned)HT_LIMIT_CURRENT \
+     | (unsigned)HT_LIMIT_LEGS)
+
 /* The flux without weakening and derating: the parameter's, or less where that costs less. A drive
  * without a leg keeps the parameter's: its losses and its reserve are other ones. */
 static float wanted_Wb(ht_drive *d, const ht_drive_config *c)
@@ -155,8 +180,7 @@ static float wanted_Wb(ht_drive *d, const ht_drive_config *c)
     in.omega_rad_s = d->omega_mean_rad_s;
     in.rs_ohm = d->control.observer.rs_ohm;
     in.rr_scale = d->control.observer.rr_scale;
-    in.limited = ((d->limits & (unsigned)HT_LIMIT_TORQUE) != 0u)
-                 && (d->torque_limit_Nm < v[HT_P_torque_limit_Nm]);
+    in.limited = (d->limits & OF_THE_MACHINE) != 0u;
     return ht_least_loss_step(&c->least_loss, &d->least_loss, &in, most_Wb);
 }
 
@@ -259,6 +283,9 @@ static void learn_resistances(ht_drive *d, const ht_drive_config *c)
     ht_leg_loss_tolerate(&d->control.leg_loss, v[HT_P_rs_ohm], v[HT_P_lxy_H], omega_rad_s);
 }
 
+/* Speed of the flux over the shaft's, at least: the slip of a machine that brakes. */
+#define BRAKING_SHARE 0.95f
+
 /* The flux reference: the ramp, or what Vdc can drive of it. */
 static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
 {
@@ -266,6 +293,8 @@ static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
     ht_ab i = d->control.observer.i_A;
     float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
     float b = (i.beta < 0.0f) ? -i.beta : i.beta;
+    float omega_rad_s = d->control.observer.omega_sync_rad_s;
+    float least_rad_s;
     if (c->params.v[HT_P_field_weakening] == 0.0f) {
         return d->flux_ramp_Wb;
     }
@@ -273,7 +302,11 @@ static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
     flux.i_A = (a > b) ? (0.96f * a + 0.398f * b) : (0.96f * b + 0.398f * a);
     flux.flux_Wb = d->flux_ramp_Wb;
     flux.vdc_V = d->in.vdc_V;
-    flux.omega_sync_rad_s = d->control.observer.omega_sync_rad_s;
+    /* A step of the torque turns the flux back for a moment, and the shaft does not take part in that: a
+     * flux reference that did would rise beyond the voltage, and the torque be lost. */
+    least_rad_s = BRAKING_SHARE * fabsf(d->speed_rpm)
+                  * (c->params.v[HT_P_pole_pairs] * (PI_F / 30.0f));
+    flux.omega_sync_rad_s = (fabsf(omega_rad_s) > least_rad_s) ? omega_rad_s : least_rad_s;
     return ht_flux_reference(&c->flux, &flux);
 }
 
@@ -283,7 +316,7 @@ static unsigned limit_torque(const ht_drive *d, const float *v, float *least_Nm,
 {
     float omega_rad_s = fabsf(d->speed_rpm) * (PI_F / 30.0f);
     float power_W = v[HT_P_power_limit_W];
-    unsigned nearer = (d->heat_share < 1.0f) ? (unsigned)HT_LIMIT_HEAT : (unsigned)HT_LIMIT_TORQUE;
+    unsigned nearer = (d->heat_share < 1.0f) ? (unsigned)HT_LIMIT_HEAT : d->torque_limited_by;
     *most_Nm = d->torque_limit_Nm;
     *least_Nm = d->torque_least_Nm;
     if ((power_W > 0.0f) && ((*most_Nm * omega_rad_s) > power_W)) {
@@ -307,7 +340,33 @@ static float speed_ref_rpm(ht_drive *d, const ht_drive_config *c)
         ht_ramp_reset(&d->ramp, d->speed_rpm);
     }
     return ht_ramp_step(stops ? &c->stop : &c->ramp, &d->ramp, stops ? 0.0f : v[HT_P_speed_ref_rpm],
-                        d->speed_rpm, d->limits != 0u);
+                        d->speed_rpm, (d->limits & ~(unsigned)HT_LIMIT_RAMP) != 0u);
+}
+
+/* Does a ramp wait? `before`: its speed in the slow interrupt before. */
+static bool ramp_waits(const ht_drive *d, const ht_drive_config *c, float before_rpm)
+{
+    const ht_ramp_config *ramp = (d->motion != (uint16_t)HT_MOTION_FOLLOW) ? &c->stop : &c->ramp;
+    float target_rpm = (ramp == &c->stop) ? 0.0f : c->params.v[HT_P_speed_ref_rpm];
+    return ((d->limits & ~(unsigned)HT_LIMIT_RAMP) != 0u)
+           && ((ramp->up_rpm > 0.0f) || (ramp->down_rpm > 0.0f))
+           && (d->ramp.speed_rpm == before_rpm) && (d->ramp.speed_rpm != target_rpm);
+}
+
+/* These limits act in this slow interrupt. */
+static void note_limits(ht_drive *d, unsigned limits)
+{
+    uint16_t began = (uint16_t)(limits & ~(unsigned)d->limits);
+    uint16_t row;
+    for (row = 0u; row < (uint16_t)HT_LIMITS; row++) {
+        if (((began >> row) & 1u) != 0u) {
+            d->limit_from[row] = d->tick;
+        }
+        if (((limits >> row) & 1u) != 0u) {
+            d->limit_to[row] = d->tick;
+        }
+    }
+    d->limits = (uint16_t)limits;
 }
 
 /* The torque reference, by the speed or as it is given, within its limits. */
@@ -319,6 +378,7 @@ static void follow_reference(ht_drive *d, const ht_drive_config *c)
     float least_Nm;
     float most_Nm;
     unsigned nearer;
+    unsigned acts = vdc_acts;
     d->torque_least_Nm =
         -((negative_Nm > 0.0f) ? smaller(d->torque_limit_Nm, negative_Nm) : d->torque_limit_Nm);
     nearer = limit_torque(d, v, &least_Nm, &most_Nm);
@@ -335,13 +395,15 @@ static void follow_reference(ht_drive *d, const ht_drive_config *c)
         ht_ramp_reset(&d->ramp, d->speed_rpm);
         ht_speed_follow(&d->speed, d->torque_ref_Nm); /* no step on the return to speed mode */
     } else {
+        float before_rpm = d->ramp.speed_rpm;
         float error = (speed_ref_rpm(d, c) - d->speed_rpm) * (PI_F / 30.0f);
         d->torque_ref_Nm = ht_speed_step(&c->speed, &d->speed, error, least_Nm, most_Nm);
+        acts |= ramp_waits(d, c, before_rpm) ? (unsigned)HT_LIMIT_RAMP : 0u;
     }
-    d->limits = vdc_acts;
     if ((d->torque_ref_Nm >= most_Nm) || (d->torque_ref_Nm <= least_Nm)) {
-        d->limits = (uint16_t)(vdc_acts | nearer);
+        acts |= nearer;
     }
+    note_limits(d, acts);
 }
 
 /* A stop is over when the shaft stands as for a start, or when its time is. Then the gates go off, as at a
@@ -361,11 +423,14 @@ static void come_to_a_stop(ht_drive *d, const float *v)
 /* Torque and flux references, and the flux that leaves the torque current. */
 static void refer_torque(ht_drive *d, const ht_drive_config *c)
 {
+    ht_limit limit;
     float most_A = ht_derated_most_A(&c->derating, (d->off_legs != 0u) ? &d->control.lost : NULL,
                                      d->in.vdc_V, d->flux_ref_Wb);
     d->flux_ref_Wb = ht_derated_flux_Wb(&c->derating, most_A, d->flux_ref_Wb, rotor_Wb(d));
     /* The flux may be on its way down: the torque goes first. */
-    d->torque_limit_Nm = d->heat_share * torque_limit(d, c, most_A, follow_along(d, c));
+    limit = torque_limit(d, c, most_A, follow_along(d, c));
+    d->torque_limited_by = limit.by;
+    d->torque_limit_Nm = d->heat_share * limit.most_Nm;
     follow_reference(d, c);
 }
 
@@ -392,8 +457,9 @@ static float most_flux_Wb(const ht_drive *d, const ht_drive_config *c, float mos
 
 /* With magnets: the largest torque whose own flux lets it be. More torque takes more of the voltage and
  * leaves less flux, so that a limit at the flux of the torque before would swing from tick to tick. */
-static float magnet_limit_Nm(const ht_drive *d, const ht_drive_config *c, float most_A)
+static ht_limit magnet_limit(const ht_drive *d, const ht_drive_config *c, float most_A)
 {
+    ht_limit limit = {0.0f, (uint16_t)HT_LIMIT_CURRENT};
     const ht_magnet_config *m = &c->control.observer.magnet;
     float sign = (d->torque_ref_Nm < 0.0f) ? -1.0f : 1.0f;
     float most_Nm = c->params.v[HT_P_torque_limit_Nm];
@@ -415,7 +481,15 @@ static float magnet_limit_Nm(const ht_drive *d, const ht_drive_config *c, float 
         }
         step_Nm *= 0.5f;
     }
-    return limit_Nm;
+    limit.most_Nm = limit_Nm;
+    if (limit_Nm >= c->params.v[HT_P_torque_limit_Nm]) {
+        limit.by = (uint16_t)HT_LIMIT_TORQUE;
+    } else if (limit_Nm >= most_Nm) {
+        limit.by = (uint16_t)HT_LIMIT_VOLTAGE;
+    } else {
+        /* the current, at the flux that the voltage leaves */
+    }
+    return limit;
 }
 
 /* With magnets: the torque that current and flux allow, and the flux with which it takes the least
@@ -424,8 +498,11 @@ static void refer_magnets(ht_drive *d, const ht_drive_config *c)
 {
     const ht_magnet_config *m = &c->control.observer.magnet;
     float most_A = ht_derated_most_A(&c->derating, NULL, d->in.vdc_V, m->psi_f_Wb);
+    ht_limit limit;
     float most_Wb;
-    d->torque_limit_Nm = d->heat_share * magnet_limit_Nm(d, c, most_A);
+    limit = magnet_limit(d, c, most_A);
+    d->torque_limited_by = limit.by;
+    d->torque_limit_Nm = d->heat_share * limit.most_Nm;
     follow_reference(d, c);
     most_Wb = most_flux_Wb(d, c, most_A, d->torque_ref_Nm);
     d->flux_ref_Wb = smaller(ht_magnet_flux_Wb(m, ht_magnet_least_A(m, d->torque_ref_Nm)), most_Wb);

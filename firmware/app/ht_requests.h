@@ -18,7 +18,7 @@ uint16_t ht_request_open(ht_service *l, const uint16_t *in, uint16_t n);
 uint16_t ht_request_close(ht_service *l, const uint16_t *in, uint16_t n);
 uint16_t ht_request_status(ht_service *l, const uint16_t *in, uint16_t n);
 
-/* The drive's parameters, states and store: ht_requests_drive.c */
+/* The drive's parameters, states, store and log: ht_requests_drive.c */
 uint16_t ht_request_get(ht_service *l, const uint16_t *in, uint16_t n);
 uint16_t ht_request_write(ht_service *l, const uint16_t *in, uint16_t n);
 uint16_t ht_request_start(ht_service *l, const uint16_t *in, uint16_t n);
@@ -27,6 +27,7 @@ uint16_t ht_request_clear(ht_service *l, const uint16_t *in, uint16_t n);
 uint16_t ht_request_snapshot(ht_service *l, const uint16_t *in, uint16_t n);
 uint16_t ht_request_save(ht_service *l, const uint16_t *in, uint16_t n);
 uint16_t ht_request_forget(ht_service *l, const uint16_t *in, uint16_t n);
+uint16_t ht_request_forget_log(ht_service *l, const uint16_t *in, uint16_t n);
 
 /* Streams and captures: ht_requests_sampling.c */
 uint16_t ht_request_stream(ht_service *l, const uint16_t *in, uint16_t n);

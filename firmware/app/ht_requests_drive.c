@@ -196,3 +196,13 @@ uint16_t ht_request_forget(ht_service *l, const uint16_t *in, uint16_t n)
     (void)in;
     return (n != 0u) ? (uint16_t)HT_SERVICE_LENGTH : stored(l, ht_service_forget(l));
 }
+
+uint16_t ht_request_forget_log(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    return (l->setup.log != NULL) ? (uint16_t)ht_log_forget(l->setup.log, l->drive)
+                                  : (uint16_t)HT_ERROR_STORE;
+}

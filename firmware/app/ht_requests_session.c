@@ -64,6 +64,78 @@ static uint16_t list_faults(ht_service *l, uint16_t row)
     return HT_OK;
 }
 
+#define COUNTERS_KEPT 1u /* flag: over a power-off */
+
+/* The counters of the log. */
+static uint16_t list_counters(ht_service *l, uint16_t row)
+{
+    const ht_drive_log *log = l->setup.log;
+    const ht_log_counters *c;
+    ht_packet *p = &l->reply;
+    uint16_t k;
+    if ((log == NULL) || (row != 0u)) {
+        return HT_ERROR_ID;
+    }
+    c = &log->counters;
+    ht_packet_add8(p, HT_LIST_COUNTERS);
+    ht_packet_add16(p, row);
+    ht_packet_add8(p, ht_log_keeps(log) ? COUNTERS_KEPT : 0u);
+    ht_packet_add16(p, ht_log_events(log));
+    ht_packet_add16(p, c->missed);
+    ht_packet_add16(p, log->ring.damaged);
+    ht_packet_add32(p, c->powered_s);
+    ht_packet_add32(p, c->gates_s);
+    ht_packet_add32(p, c->starts);
+    ht_packet_add_float(p, c->vdc_V);
+    ht_packet_add_float(p, c->current_A);
+    ht_packet_add_float(p, c->speed_rpm);
+    ht_packet_add_float(p, c->winding_degC);
+    for (k = 0u; k < ht_fault_count(); k++) {
+        ht_packet_add16(p, log->trips[k]);
+    }
+    return HT_OK;
+}
+
+/* An event, as ht_log.h has its words. */
+static uint16_t list_event(ht_service *l, uint16_t row)
+{
+    ht_packet *p = &l->reply;
+    uint16_t words[HT_LOG_WORDS];
+    uint16_t k;
+    ht_result result = (l->setup.log != NULL) ? ht_log_row(l->setup.log, l->drive, row, words)
+                                              : HT_ERROR_ID;
+    if (result != HT_OK) {
+        return (uint16_t)result;
+    }
+    ht_packet_add8(p, HT_LIST_EVENTS);
+    ht_packet_add16(p, row);
+    for (k = 0u; k < HT_LOG_PAYLOAD; k++) {
+        ht_packet_add16(p, words[k]);
+    }
+    return HT_OK;
+}
+
+/* A limit: does it act, and since when? */
+static uint16_t list_limit(ht_service *l, uint16_t row)
+{
+    const ht_drive *d = l->drive;
+    const ht_limit_info *info = ht_limit_describe(row);
+    bool controls = (ht_state_flags(d->state) & (uint16_t)HT_CONTROLS) != 0u;
+    ht_packet *p = &l->reply;
+    if (info == NULL) {
+        return HT_ERROR_ID;
+    }
+    ht_packet_add8(p, HT_LIST_LIMITS);
+    ht_packet_add16(p, row);
+    ht_packet_add16(p, info->bit);
+    ht_packet_add8(p, (controls && ((d->limits & info->bit) != 0u)) ? 1u : 0u);
+    ht_packet_add32(p, d->limit_from[row]);
+    ht_packet_add32(p, d->limit_to[row]);
+    ht_packet_add_text(p, info->name);
+    ht_packet_add_text(p, info->help);
+    return HT_OK;
+}
+
 uint16_t ht_request_list(ht_service *l, const uint16_t *in, uint16_t n)
 {
     if (n != 3u) {
@@ -74,6 +146,15 @@ uint16_t ht_request_list(ht_service *l, const uint16_t *in, uint16_t n)
     }
     if (in[0] == (uint16_t)HT_LIST_FAULTS) {
         return list_faults(l, ht_get16(&in[1]));
+    }
+    if (in[0] == (uint16_t)HT_LIST_COUNTERS) {
+        return list_counters(l, ht_get16(&in[1]));
+    }
+    if (in[0] == (uint16_t)HT_LIST_EVENTS) {
+        return list_event(l, ht_get16(&in[1]));
+    }
+    if (in[0] == (uint16_t)HT_LIST_LIMITS) {
+        return list_limit(l, ht_get16(&in[1]));
     }
     return ht_dictionary_add(&l->reply, l->drive->port, in[0], ht_get16(&in[1])) ? HT_OK
                                                                                  : HT_ERROR_ID;

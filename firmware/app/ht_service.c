@@ -3,6 +3,7 @@
 
 #include "ht_dictionary.h"
 #include "ht_octets.h"
+#include "ht_requests.h"
 
 #include <stddef.h>
 
@@ -46,6 +47,9 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
     l->read_left = 0u;
     l->damaged = 0u;
     l->overruns = 0u;
+    if (l->setup.log != NULL) {
+        ht_log_start(l->setup.log, l->setup.reset);
+    }
 }
 
 /* What every request does, even one that is not carried out because it is a repetition or
@@ -208,4 +212,7 @@ void ht_service_turn(ht_service *l)
     expire(l);
     ht_burst_sum(&l->burst);
     transmit(l);
+    if (l->setup.log != NULL) {
+        ht_log_turn(l->setup.log, l->drive, (l->session == 0u) && !ht_request_rate_is_used(l));
+    }
 }

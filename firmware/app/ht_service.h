@@ -24,9 +24,9 @@
 #include "ht_burst.h"
 #include "ht_drive.h"
 #include "ht_line.h"
+#include "ht_log.h"
 #include "ht_opcodes.h"
 #include "ht_packet.h"
-#include "ht_reset.h"
 #include "ht_store.h"
 #include "ht_streams.h"
 
@@ -61,6 +61,7 @@ typedef struct {
     uint32_t *memory;      /**< for captures */
     uint32_t memory_size;  /**< values */
     const ht_store *store; /**< of the parameters; NULL: none */
+    ht_drive_log *log;     /**< of events; NULL: none */
     const ht_reset *reset; /**< the latest one; NULL: the board does not know it */
 } ht_service_setup;
 

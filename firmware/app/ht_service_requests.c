@@ -34,6 +34,7 @@ static const handler handlers[(uint16_t)HT_OP_LAST + 1u] = {
     [HT_OP_SNAPSHOT] = {NEEDS_NOTHING, ht_request_snapshot},
     [HT_OP_SAVE] = {NEEDS_BOTH, ht_request_save},
     [HT_OP_FORGET] = {NEEDS_BOTH, ht_request_forget},
+    [HT_OP_FORGET_LOG] = {NEEDS_BOTH, ht_request_forget_log},
 };
 
 static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)

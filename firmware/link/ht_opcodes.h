@@ -30,10 +30,11 @@ enum {
     HT_OP_SNAPSHOT = 0x11,
     HT_OP_SAVE = 0x12,
     HT_OP_FORGET = 0x13,
-    HT_OP_LAST = HT_OP_FORGET, /**< of the link; those of processor in the loop follow */
-    HT_OP_PIL_HELLO = 0x20,    /**< who is there? */
-    HT_OP_PIL_INIT = 0x21,     /**< a new drive, as after a reset */
-    HT_OP_PIL_STEP = 0x22,     /**< run interrupts */
+    HT_OP_FORGET_LOG = 0x14,
+    HT_OP_LAST = HT_OP_FORGET_LOG, /**< of the link; those of processor in the loop follow */
+    HT_OP_PIL_HELLO = 0x20,        /**< who is there? */
+    HT_OP_PIL_INIT = 0x21,         /**< a new drive, as after a reset */
+    HT_OP_PIL_STEP = 0x22,         /**< run interrupts */
     HT_OP_PIL_START = 0x23,
     HT_OP_PIL_STOP = 0x24,
     HT_OP_PIL_CLEAR = 0x25,

@@ -1,6 +1,6 @@
 /** @file ht_store_port.h
- *  Memory that survives power-off, as the parameter store (ht_store.h) sees it: two areas of
- *  blocks of eight 16-bit words, as a flash has them. A target provides two functions for it; a
+ *  Memory that survives power-off, as the parameter store (ht_store.h) and the log (ht_log_ring.h)
+ *  see one each: two areas of blocks of eight 16-bit words, as a flash has them. A target provides two functions for it; a
  *  target without such a memory provides none.
  *
  *  Who calls what, and when: `read` from the set-up and from the background; `write` from the
@@ -24,12 +24,14 @@
 #define HT_STORE_WORDS 8u       /**< of a block: what a flash takes at once */
 #define HT_STORE_ERASED 0xFFFFu /**< a word of an erased area */
 
-/** A store in a file (virtual and emulated boards): its head, then the areas, low byte first. */
+/** Both in a file (virtual and emulated boards): its head, the store's areas, the log's areas, low byte
+ *  first. */
 enum {
-    HT_STORE_FILE_HEAD = 16,    /**< bytes before the areas */
-    HT_STORE_FILE_AREAS = 2,    /**< as in memory */
-    HT_STORE_FILE_BLOCKS = 128, /**< of an area */
-    HT_STORE_FILE_BLOCK = 16    /**< bytes of a block */
+    HT_STORE_FILE_HEAD = 16,       /**< bytes before the areas */
+    HT_STORE_FILE_AREAS = 2,       /**< as in memory */
+    HT_STORE_FILE_BLOCKS = 128,    /**< of an area */
+    HT_STORE_FILE_BLOCK = 16,      /**< bytes of a block */
+    HT_STORE_FILE_LOG_BLOCKS = 512 /**< of an area of the log */
 };
 
 typedef struct {

@@ -85,6 +85,35 @@ def warnings(bits: int) -> list[str]:
     return [text for bit, text in WARNINGS.items() if bits & bit]
 
 
+def _events() -> dict[int, str]:
+    rows = (lib.ht_event_describe(row) for row in range(lib.ht_event_count()))
+    return {row.number: _text(row.text) for row in rows}
+
+
+#: Number of an event of the log -> what it is.
+EVENTS = _events()
+
+
+def reset_cause(number: int) -> str:
+    """What has reset a board; the number if that is unknown."""
+    row = lib.ht_reset_describe(number)
+    return str(number) if row == ffi.NULL else _text(row.name)
+
+
+def _limits() -> dict[int, str]:
+    rows = (lib.ht_limit_describe(row) for row in range(lib.HT_LIMITS))
+    return {row.bit: _text(row.name) for row in rows}
+
+
+#: Limits that keep the torque from its reference: bit of channel `limits` -> name.
+LIMITS = _limits()
+
+
+def limits(bits: int) -> list[str]:
+    """Names of the limits whose bits are set."""
+    return [text for bit, text in LIMITS.items() if bits & bit]
+
+
 class FirmwareError(InputError):
     """The firmware refused a value or a command."""
 
@@ -445,44 +474,73 @@ def snapshot_of(s: CData) -> Snapshot | None:
 
 
 class Store:
-    """A memory for a drive's saved parameters (ht_store_port.h). This class has none."""
+    """A memory for a drive's saved parameters and for its log (ht_store_port.h). This class has
+    none: the log forgets with the end of the controller."""
 
     def __init__(self) -> None:
         self.handle = ffi.new("ht_store *")
         lib.ht_store_none(self.handle)
+        self.log = ffi.new("ht_drive_log *")
+        lib.ht_log_none(self.log)
 
 
 class MemoryStore(Store):
-    """A memory with two areas in the bytes `areas`. Erased bytes are 0xFF, and words have the low
-    byte first. Give the same `areas` to the next controller to keep the saved parameters."""
+    """A memory in the bytes `areas`: two areas of the parameters, then two of the log; missing
+    ones are added. Erased bytes are 0xFF, and words have the low byte first. Give the same `areas`
+    to the next controller to keep what is saved."""
 
     BLOCK = lib.HT_STORE_FILE_BLOCK
     AREA = lib.HT_STORE_FILE_BLOCKS * BLOCK
-    SIZE = lib.HT_STORE_FILE_AREAS * AREA
+    LOG_AREA = lib.HT_STORE_FILE_LOG_BLOCKS * BLOCK
+    LOG = lib.HT_STORE_FILE_AREAS * AREA  #: where the log begins
+    SIZE = LOG + lib.HT_STORE_FILE_AREAS * LOG_AREA
 
     def __init__(self, areas: bytearray | None = None) -> None:
         super().__init__()
-        self.areas = bytearray(b"\xff" * self.SIZE) if areas is None else areas
-        port = self.handle.port
+        self.areas = bytearray() if areas is None else areas
+        self.areas.extend(b"\xff" * (self.SIZE - len(self.areas)))
         # This object keeps the callbacks alive. An exception in one counts as a failure, and is
         # printed on stderr.
         self._read = ffi.callback("bool(void *, uint16_t, uint16_t, uint16_t *)", self._do_read)
         self._write = ffi.callback(
             "bool(void *, uint16_t, uint16_t, const uint16_t *)", self._do_write
         )
+        port = self.handle.port
         port.read, port.write = self._read, self._write
         port.blocks = lib.HT_STORE_FILE_BLOCKS
+        self._read_log = ffi.callback(
+            "bool(void *, uint16_t, uint16_t, uint16_t *)", self._do_read_log
+        )
+        self._write_log = ffi.callback(
+            "bool(void *, uint16_t, uint16_t, const uint16_t *)", self._do_write_log
+        )
+        port = self.log.ring.port
+        port.read, port.write = self._read_log, self._write_log
+        port.blocks = lib.HT_STORE_FILE_LOG_BLOCKS
 
     def _do_read(self, at: CData, area: int, block: int, words: CData) -> bool:
-        begin = area * self.AREA + block * self.BLOCK
+        return self._take(area * self.AREA + block * self.BLOCK, words)
+
+    def _do_write(self, at: CData, area: int, block: int, words: CData) -> bool:
+        begin = area * self.AREA
+        return self.put(*self._wanted(begin, self.AREA, block, words))
+
+    def _do_read_log(self, at: CData, area: int, block: int, words: CData) -> bool:
+        return self._take(self.LOG + area * self.LOG_AREA + block * self.BLOCK, words)
+
+    def _do_write_log(self, at: CData, area: int, block: int, words: CData) -> bool:
+        begin = self.LOG + area * self.LOG_AREA
+        return self.put(*self._wanted(begin, self.LOG_AREA, block, words))
+
+    def _take(self, begin: int, words: CData) -> bool:
         ffi.memmove(words, bytes(self.areas[begin : begin + self.BLOCK]), self.BLOCK)
         return True
 
-    def _do_write(self, at: CData, area: int, block: int, words: CData) -> bool:
+    def _wanted(self, begin: int, size: int, block: int, words: CData) -> tuple[int, bytes]:
+        """Where what is to be written."""
         if words == ffi.NULL:
-            return self.put(area * self.AREA, b"\xff" * self.AREA)
-        raw = bytes(ffi.buffer(words, self.BLOCK))
-        return self.put(area * self.AREA + block * self.BLOCK, raw)
+            return begin, b"\xff" * size
+        return begin + block * self.BLOCK, bytes(ffi.buffer(words, self.BLOCK))
 
     def put(self, begin: int, raw: bytes) -> bool:
         """Write bytes into the areas, from `begin` on. Returns whether that worked."""

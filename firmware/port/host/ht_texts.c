@@ -2,6 +2,12 @@
 
 #include <stddef.h>
 
+static const ht_event_info events[] = {
+#define HT_EVENT(name, number, text, help) {(number), text, help},
+#include "ht_events.def"
+#undef HT_EVENT
+};
+
 static const ht_result_info results[] = {
 #define HT_RESULT(name, number, mistake, text) {(number), (mistake) != 0, text},
 #define HT_REFUSAL(name, number, mistake, text) {(number), (mistake) != 0, text},
@@ -24,9 +30,20 @@ static const char *const sets[] = {
 #undef HT_SET
 };
 
+#define EVENTS ((uint16_t)(sizeof events / sizeof events[0]))
 #define RESULTS ((uint16_t)(sizeof results / sizeof results[0]))
 #define DEMANDS ((uint16_t)(sizeof demands / sizeof demands[0]))
 #define SETS ((uint16_t)(sizeof sets / sizeof sets[0]))
+
+uint16_t ht_event_count(void)
+{
+    return EVENTS;
+}
+
+const ht_event_info *ht_event_describe(uint16_t row)
+{
+    return (row < EVENTS) ? &events[row] : NULL;
+}
 
 uint16_t ht_result_count(void)
 {

@@ -26,6 +26,17 @@ enum {
     HT_NUMBER_SLOW_PERIOD = HT_TIMER0 + HT_TIMER_PRD /**< register of CPU timer 0 */
 };
 
+/** A row of ht_events.def. */
+typedef struct {
+    uint16_t number;
+    const char *text;
+    const char *help;
+} ht_event_info;
+
+uint16_t ht_event_count(void);
+/** Table entry, or NULL if there is no such row. A row is not its number. */
+const ht_event_info *ht_event_describe(uint16_t row);
+
 /** A row of ht_results.def. */
 typedef struct {
     uint16_t number;

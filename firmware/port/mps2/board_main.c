@@ -3,8 +3,8 @@
  * with XCP, or at that of UART1, which is XCP's alone.
  *
  *   setup   32-bit words: baud rate of UART0, milliseconds of the watchdog
- *   store   the memory for parameters; without this file the board has none. Words lie in it as in
- *           memory, low byte first.
+ *   store   the memory for parameters and log; without this file the board has none. Words lie in
+ *           it as in memory, low byte first.
  */
 #include "cmsdk_uart.h"
 #include "ht_service.h"
@@ -37,39 +37,70 @@ typedef struct {
     ht_xcp xcp_net;
     ht_service_setup setup;
     ht_store store;
+    ht_drive_log log;
     int32_t store_file;
     ht_params saved;
     uint32_t capture[CAPTURE_VALUES];
 } board;
 
 #define BLOCK_OCTETS ((uint32_t)HT_STORE_FILE_BLOCK)
-#define AREA_OCTETS ((uint32_t)HT_STORE_FILE_BLOCKS * BLOCK_OCTETS)
+#define LOG_FIRST ((uint32_t)HT_STORE_FILE_AREAS * (uint32_t)HT_STORE_FILE_BLOCKS) /* block */
 
-static int seek(const board *b, uint16_t area, uint16_t block)
+static const uint16_t erased[HT_STORE_WORDS] = {HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED,
+                                                HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED,
+                                                HT_STORE_ERASED, HT_STORE_ERASED};
+
+/* Blocks are counted over the whole file. */
+static bool read_at(const board *b, uint32_t block, uint16_t *words)
 {
-    uint32_t octet = (uint32_t)HT_STORE_FILE_HEAD + (area * AREA_OCTETS) + (block * BLOCK_OCTETS);
-    return (block < (uint16_t)HT_STORE_FILE_BLOCKS) && semihost_seek(b->store_file, octet);
+    return semihost_seek(b->store_file, (uint32_t)HT_STORE_FILE_HEAD + (block * BLOCK_OCTETS))
+           && (semihost_read(b->store_file, words, BLOCK_OCTETS) == BLOCK_OCTETS);
+}
+
+/* `words` = NULL: erase `n` blocks; else write one. */
+static bool write_at(const board *b, uint32_t block, const uint16_t *words, uint16_t n)
+{
+    bool good = semihost_seek(b->store_file, (uint32_t)HT_STORE_FILE_HEAD + (block * BLOCK_OCTETS))
+                != 0;
+    uint16_t left = (words == NULL) ? n : 1u;
+    for (; good && (left != 0u); left--) {
+        good = semihost_write(b->store_file, (words == NULL) ? erased : words, BLOCK_OCTETS) != 0;
+    }
+    return good;
+}
+
+static uint32_t of_store(uint16_t area, uint16_t block)
+{
+    return ((uint32_t)area * (uint32_t)HT_STORE_FILE_BLOCKS) + block;
+}
+
+static uint32_t of_log(uint16_t area, uint16_t block)
+{
+    return LOG_FIRST + ((uint32_t)area * (uint32_t)HT_STORE_FILE_LOG_BLOCKS) + block;
 }
 
 static bool read_block(void *at, uint16_t area, uint16_t block, uint16_t *words)
 {
-    const board *b = (const board *)at;
-    return seek(b, area, block)
-           && (semihost_read(b->store_file, words, BLOCK_OCTETS) == BLOCK_OCTETS);
+    return (block < (uint16_t)HT_STORE_FILE_BLOCKS)
+           && read_at((const board *)at, of_store(area, block), words);
 }
 
 static bool write_block(void *at, uint16_t area, uint16_t block, const uint16_t *words)
 {
-    static const uint16_t erased[HT_STORE_WORDS] = {
-        HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED,
-        HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED};
-    const board *b = (const board *)at;
-    uint16_t n = (words == NULL) ? (uint16_t)HT_STORE_FILE_BLOCKS : 1u;
-    bool good = seek(b, area, (words == NULL) ? 0u : block) != 0;
-    for (; good && (n != 0u); n--) {
-        good = semihost_write(b->store_file, (words == NULL) ? erased : words, BLOCK_OCTETS) != 0;
-    }
-    return good;
+    return (block < (uint16_t)HT_STORE_FILE_BLOCKS)
+           && write_at((const board *)at, of_store(area, (words == NULL) ? 0u : block), words,
+                       (uint16_t)HT_STORE_FILE_BLOCKS);
+}
+
+static bool read_log(void *at, uint16_t area, uint16_t block, uint16_t *words)
+{
+    return read_at((const board *)at, of_log(area, block), words);
+}
+
+static bool write_log(void *at, uint16_t area, uint16_t block, const uint16_t *words)
+{
+    return write_at((const board *)at, of_log(area, (words == NULL) ? 0u : block), words,
+                    (uint16_t)HT_STORE_FILE_LOG_BLOCKS);
 }
 
 /* The host has looked into the same file before it chose the parameters of INIT: a saved set that is
@@ -148,14 +179,20 @@ int main(void)
     b.setup.memory = b.capture;
     b.setup.memory_size = CAPTURE_VALUES;
     ht_store_none(&b.store);
+    ht_log_none(&b.log);
     b.store_file = semihost_open("store", SEMIHOST_UPDATE);
     if (b.store_file >= 0) {
         b.store.port.read = read_block;
         b.store.port.write = write_block;
         b.store.port.at = &b;
         b.store.port.blocks = (uint16_t)HT_STORE_FILE_BLOCKS;
+        b.log.ring.port.read = read_log;
+        b.log.ring.port.write = write_log;
+        b.log.ring.port.at = &b;
+        b.log.ring.port.blocks = (uint16_t)HT_STORE_FILE_LOG_BLOCKS;
     }
     b.setup.store = &b.store;
+    b.setup.log = &b.log;
     ht_pil_line_reset(&line);
     line.pil.image.begin = begin;
     line.pil.image.fast = fast;

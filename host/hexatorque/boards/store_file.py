@@ -1,4 +1,5 @@
-"""The file in which a virtual board saves its parameters, as a real board does in its flash.
+"""The file in which a virtual board saves its parameters and its log, as a real board does in its
+flash.
 
 The end of this process corresponds to power off: the next process that opens the file finds the
 saved parameters. The process may end at any time. The firmware keeps each set twice and refuses
@@ -22,6 +23,8 @@ from ..firmware import FirmwareError, MemoryStore, lib
 HEAD = b"hexatorque store"
 assert len(HEAD) == lib.HT_STORE_FILE_HEAD
 SIZE = len(HEAD) + MemoryStore.SIZE
+#: Of a file without a log, which boards made earlier.
+WITHOUT_LOG = len(HEAD) + MemoryStore.LOG
 
 
 def open_file(path: Path) -> BinaryIO:
@@ -38,6 +41,10 @@ def open_file(path: Path) -> BinaryIO:
             file.close()
             raise FirmwareError(f"{path}: another board has it")
         raw = file.read(SIZE + 1)
+        if len(raw) == WITHOUT_LOG and raw.startswith(HEAD):
+            erased = b"\xff" * (SIZE - WITHOUT_LOG)
+            file.write(erased)
+            raw += erased
     except OSError as error:
         file.close()
         raise FirmwareError(f"{path}: {error.strerror}") from None

@@ -85,6 +85,7 @@ class BoardController(firmware.Controller):
         setup.memory = self._memory
         setup.memory_size = CAPTURE_VALUES
         setup.store = self.store.handle
+        setup.log = self.store.log
         if not lib.ht_virtual_init(self.board, self.drive, self.port, setup, self.baud):
             most = self.map.sci_clock_Hz // 16
             least = self.map.sci_clock_Hz // (8 * 65536) + 1

@@ -25,6 +25,7 @@ import numpy as np
 
 from .. import __version__
 from ..firmware import (
+    LIMITS,
     PARAMETER_SETS,
     FirmwareError,
     Parameter,
@@ -42,7 +43,7 @@ from ..serial.client import Client, Stopped
 from ..serial.dictionary import fetch, fetch_reset
 from ..serial.stream import Stream, decimation_for, on_a_grid
 from ..serial.wire import Op, Status
-from . import board_captures, captures
+from . import board_captures, captures, limiting, log
 from .interface import DriveVerbs, Progress, finite, seconds
 
 #: Quantities of a profile that the board cannot set: the test bench has to.
@@ -207,6 +208,24 @@ class BoardDrive(DriveVerbs):
             "faults": self.dictionary.causes(found["faults"]),
             "warnings": warnings(found["warnings"]),
         }
+
+    @property
+    def log(self) -> log.Log | None:
+        """The board's log of events and its counters; None: it has none."""
+        if self.dictionary.minor < wire.MINOR_OF_LOG:
+            return None
+        return log.fetch_log(self.client, self.dictionary)
+
+    def forget_log(self) -> None:
+        """Empty the board's log of its events. The counters stay."""
+        log.forget_log(self.client)
+
+    @property
+    def limits(self) -> dict[str, float] | None:
+        """The limits that act, and for how many seconds; None: the board does not tell."""
+        if self.dictionary.minor < wire.MINOR_OF_LOG:
+            return None
+        return limiting.acting(self.client, self.hello.f_isr_Hz)
 
     # -- parameters --------------------------------------------------------------------------
 
@@ -454,6 +473,7 @@ class BoardDrive(DriveVerbs):
             "parameters": {"controller": values},
             "state": state,
             "faults": faults,
+            "limits": {str(bit): name for bit, name in LIMITS.items()},
             **self.line_counters(),
             "board_counters": {
                 "damaged": status.damaged,

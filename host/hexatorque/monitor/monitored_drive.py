@@ -61,6 +61,7 @@ class MonitoredDrive:
         self.values_version = 0
         self.snapshot: Snapshot | None = None
         self.snapshot_version = 0
+        self.limits: dict[str, float] = {}  #: that act, and since when, in this computer's seconds
         self.notice = ""  #: an event that no page asked for, such as an automatic stop
         self.reset = ""  #: what a reset of the board has changed, until a user has read it
         self.guided: Guided | None = None  #: the latest commissioning
@@ -160,6 +161,10 @@ class MonitoredDrive:
             "may_clear": state is not None and state.name == FAULT,
             "working": self.working(),
             "faults": self.drive.dictionary.causes(client.faults),
+            "limits": [
+                {"name": name, "for_s": time.monotonic() - since_s}
+                for name, since_s in self.limits.items()
+            ],
             "time_s": (ticks or (latest.tick if latest else 0)) / self.drive.hello.f_isr_Hz,
             "plugged": client.transport.plugged,
             "broken": str(client.broken) if client.broken else "",
@@ -372,6 +377,7 @@ class MonitoredDrive:
                         raise
                 if due or time.monotonic() - read_s > PARAMETERS_S:
                     self._read_values()
+                    self._read_limits()
                     read_s = time.monotonic()
                 if (fault := self._fault()) != shown:
                     if fault[0]:
@@ -434,6 +440,16 @@ class MonitoredDrive:
         if values != self.values:
             self.values = values
             self.values_version += 1
+
+    def _read_limits(self) -> None:
+        now_s = time.monotonic()
+        found = (self.working() and self.drive.limits) or {}
+        self.limits = {name: now_s - for_s for name, for_s in found.items()}
+
+    def log(self) -> dict | None:
+        """The board's log; None: it has none."""
+        found = self.drive.log
+        return found.as_json() if found else None
 
     def _read_snapshot(self) -> None:
         self.snapshot = self.drive.snapshot

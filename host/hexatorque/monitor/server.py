@@ -232,6 +232,8 @@ class Handler(BaseHTTPRequestHandler):
             self._json(monitored.values)
         elif url.path == "/snapshot":
             self._json(monitored.snapshot)
+        elif url.path == "/log":
+            self._json(monitored.log())
         elif url.path == "/history":
             self._history(query)
         elif url.path == "/capture":

@@ -22,6 +22,8 @@ PROTOCOL = lib.HT_NUMBER_PROTOCOL
 LOW_FAULTS = 0xFFFF
 #: First minor version with `FAULTS`.
 MINOR_OF_FAULTS = 3
+#: First one with the log and the limits.
+MINOR_OF_LOG = 4
 LONGEST_BODY = lib.HT_NUMBER_LONGEST_BODY
 #: Longest frame: body, CRC, the bytes that COBS adds, and a zero on either side.
 LONGEST_FRAME = LONGEST_BODY + 4 + (LONGEST_BODY + 4) // 254 + 1 + 2
@@ -57,11 +59,12 @@ class Op(IntEnum):
     SNAPSHOT = lib.HT_OP_SNAPSHOT
     SAVE = lib.HT_OP_SAVE
     FORGET = lib.HT_OP_FORGET
+    FORGET_LOG = lib.HT_OP_FORGET_LOG
 
 
 NEEDS_SESSION = frozenset(
     (Op.CLOSE, Op.TRIGGER, Op.CANCEL, Op.READ, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM,
-     Op.SAVE, Op.FORGET)
+     Op.SAVE, Op.FORGET, Op.FORGET_LOG)
 )  # fmt: skip
 #: Requests that write a flash, and the longest time for that; the board does not read meanwhile.
 SLOW = frozenset((Op.SAVE, Op.FORGET))
@@ -127,6 +130,8 @@ ADDITIONS = lib.HT_LIST_ADDITIONS
 RESET = lib.HT_LIST_RESET
 #: The kind of its row with all bits of the faults, since version 2.3.
 FAULTS = lib.HT_LIST_FAULTS
+#: Kinds of the log's counters and events and of the limits, since version 2.4.
+COUNTERS, EVENTS, LIMITS = lib.HT_LIST_COUNTERS, lib.HT_LIST_EVENTS, lib.HT_LIST_LIMITS
 
 
 class CaptureState(IntEnum):
@@ -422,6 +427,84 @@ def parse_fault_words(payload: bytes) -> FaultWords:
     if len(payload) < 11 or struct.unpack_from("<BH", payload) != (FAULTS, 0):
         raise WireError("not the row of the faults")
     return FaultWords(*struct.unpack_from("<II", payload, 3))
+
+
+class Counters(NamedTuple):
+    """What a drive has counted since it was made. Peaks are what the board's background saw."""
+
+    kept: bool  #: over a power-off
+    events: int  #: in the log
+    missed: int  #: events for which there was no room
+    damaged: int  #: slots of the memory
+    powered_s: int
+    gates_s: int
+    starts: int
+    vdc_V: float
+    current_A: float
+    speed_rpm: float
+    winding_degC: float
+    trips: tuple[int, ...]  #: by row of the faults
+
+
+def parse_counters(payload: bytes, faults: int) -> Counters:
+    """LIST's row of the counters, for so many faults. What a later version appends is ignored."""
+    layout = struct.Struct(f"<BHHHIIIffff{faults}H")
+    if len(payload) < 3 + layout.size or struct.unpack_from("<BH", payload) != (COUNTERS, 0):
+        raise WireError("not the row of the counters")
+    flags, *rest = layout.unpack_from(payload, 3)
+    return Counters._make((bool(flags & 1), *rest[:10], tuple(rest[10:])))
+
+
+class Event(NamedTuple):
+    """An event of the log, in numbers (firmware/app/ht_log.h)."""
+
+    event: int
+    state: int
+    scheme: int
+    reset: int
+    sequence: int
+    powered_s: int
+    gates_s: int
+    faults: int
+    warnings: int
+    limits: int
+    vdc_V: float
+    currents_A: tuple[float, ...]
+    speed_rpm: float
+    winding_degC: float
+
+
+_EVENT = struct.Struct("<BBBBIIIIHHf6fff")
+
+
+def parse_event(payload: bytes, row: int) -> Event:
+    """A row of the events. What a later version appends is ignored."""
+    if len(payload) < 3 + _EVENT.size or struct.unpack_from("<BH", payload) != (EVENTS, row):
+        raise WireError(f"not event {row}")
+    *first, a, b, c, d, e, f, speed, winding = _EVENT.unpack_from(payload, 3)
+    return Event._make((*first, (a, b, c, d, e, f), speed, winding))
+
+
+class LimitRow(NamedTuple):
+    bit: int
+    acts: bool
+    since: int  #: tick
+    latest: int  #: tick
+    name: str
+    help: str
+
+
+def parse_limit(payload: bytes, row: int) -> LimitRow:
+    """A row of the limits. What a later version appends is ignored."""
+    layout = struct.Struct("<HBII")
+    if len(payload) < 3 + layout.size or struct.unpack_from("<BH", payload) != (LIMITS, row):
+        raise WireError(f"not limit {row}")
+    bit, acts, since, latest = layout.unpack_from(payload, 3)
+    texts = payload[3 + layout.size :].split(b"\0")
+    if len(texts) < 3:
+        raise WireError("2 texts are needed")
+    name, help = (text.decode("ascii", "replace") for text in texts[:2])
+    return LimitRow(bit, bool(acts), since, latest, name, help)
 
 
 class StatusReply(NamedTuple):

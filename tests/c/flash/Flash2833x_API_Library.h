@@ -14,6 +14,8 @@ typedef struct {
 } FLASH_ST;
 
 #define STATUS_SUCCESS 0
+#define SECTORE (Uint16)0x0010
+#define SECTORF (Uint16)0x0020
 #define SECTORG (Uint16)0x0040
 #define SECTORH (Uint16)0x0080
 

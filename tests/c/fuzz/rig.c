@@ -58,6 +58,7 @@ static void put_back(const picture *p)
     r->isr_in_write = false;
     r->ticks = 0;
     memset(r->stored, 0xFF, sizeof r->stored);
+    memset(r->logged, 0xFF, sizeof r->logged);
     r->store_writes = 0;
 }
 
@@ -82,6 +83,35 @@ static bool store_write(void *at, uint16_t area, uint16_t block, const uint16_t 
     } else {
         CHECK(r->stored[area][block * HT_STORE_WORDS] == HT_STORE_ERASED);
         memcpy(&r->stored[area][block * HT_STORE_WORDS], words, HT_STORE_WORDS * sizeof *words);
+    }
+    return true;
+}
+
+/* --- the log ------------------------------------------------------------------------------ */
+
+static bool log_read(void *at, uint16_t area, uint16_t block, uint16_t *words)
+{
+    const rig *r = at;
+    CHECK((area < HT_STORE_AREAS) && (block < RIG_LOG_BLOCKS));
+    memcpy(words, &r->logged[area][block * HT_STORE_WORDS], HT_STORE_WORDS * sizeof *words);
+    return true;
+}
+
+static bool log_write(void *at, uint16_t area, uint16_t block, const uint16_t *words)
+{
+    rig *r = at;
+    unsigned k;
+    CHECK((area < HT_STORE_AREAS) && (block < RIG_LOG_BLOCKS));
+    CHECK(rig_gates_off());
+    CHECK((r->drive.state == HT_STATE_IDLE) || (r->drive.state == HT_STATE_FAULT));
+    if (words == NULL) {
+        CHECK(r->service.session == 0u); /* no client waits */
+        memset(r->logged[area], 0xFF, sizeof r->logged[area]);
+        return true;
+    }
+    for (k = 0; k < HT_STORE_WORDS; k++) {
+        CHECK(r->logged[area][block * HT_STORE_WORDS + k] == HT_STORE_ERASED);
+        r->logged[area][block * HT_STORE_WORDS + k] = words[k];
     }
     return true;
 }
@@ -269,7 +299,13 @@ static void power_up(void)
     setup.line.octets_per_s = 125000u;
     setup.memory = r->memory;
     setup.memory_size = RIG_MEMORY;
+    ht_log_none(&r->log);
+    r->log.ring.port.read = log_read;
+    r->log.ring.port.write = log_write;
+    r->log.ring.port.at = r;
+    r->log.ring.port.blocks = RIG_LOG_BLOCKS;
     setup.store = &r->store;
+    setup.log = &r->log;
     setup.reset = NULL;
     ht_service_init(&r->service, &r->drive, &setup);
     CHECK(ht_service_watchdog_ticks(&r->service) == RIG_WATCHDOG_TICKS);

@@ -12,6 +12,7 @@
 
 #define RIG_MEMORY 96u /* values for captures: a few rows of a few channels */
 #define RIG_BLOCKS 32u /* of an area of the parameter store */
+#define RIG_LOG_BLOCKS (HT_LOG_SLOTS * HT_LOG_BLOCKS)
 #define RIG_LINE 4096u /* octets on their way to the device */
 #define RIG_TICKS 256u /* fast interrupts that one input may take */
 #define RIG_WATCHDOG_MS 8u
@@ -44,7 +45,9 @@ typedef struct {
     bool isr_in_read; /* a fast interrupt comes in the middle of a turn */
     bool isr_in_write;
     ht_store store;
+    ht_drive_log log;
     uint16_t stored[HT_STORE_AREAS][RIG_BLOCKS * HT_STORE_WORDS];
+    uint16_t logged[HT_STORE_AREAS][RIG_LOG_BLOCKS * HT_STORE_WORDS];
     uint32_t store_writes; /* of the turn under way */
     uint32_t ticks;        /* fast interrupts of this input */
     uint8_t id;            /* of the latest request */

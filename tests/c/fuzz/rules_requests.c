@@ -10,7 +10,7 @@
 /* clang-format off */
 enum {
     HELLO = 1, LIST, OPEN, CLOSE, STATUS, GET, WRITE, START, STOP, CLEAR, STREAM, ARM, CAPTURE,
-    READ, TRIGGER, CANCEL, SNAPSHOT, SAVE, FORGET, OPCODES
+    READ, TRIGGER, CANCEL, SNAPSHOT, SAVE, FORGET, FORGET_LOG, OPCODES
 };
 enum {
     DONE, NO_ID, BAD_VALUE, BAD_STATE, NO_FIT, NO_HARDWARE, TURNING, TRIPPED,
@@ -23,14 +23,14 @@ enum {
 #define NEEDS_SESSION                                                                \
     ((1u << CLOSE) | (1u << TRIGGER) | (1u << CANCEL) | (1u << READ) | (1u << WRITE) \
      | (1u << START) | (1u << CLEAR) | (1u << STREAM) | (1u << ARM) | (1u << SAVE)   \
-     | (1u << FORGET))
+     | (1u << FORGET) | (1u << FORGET_LOG))
 #define NEEDS_DICTIONARY                                                                        \
     ((1u << GET) | (1u << WRITE) | (1u << START) | (1u << CLEAR) | (1u << STREAM) | (1u << ARM) \
-     | (1u << SAVE) | (1u << FORGET))
+     | (1u << SAVE) | (1u << FORGET) | (1u << FORGET_LOG))
 #define NO_PAYLOAD                                                                                 \
     ((1u << HELLO) | (1u << CLOSE) | (1u << STATUS) | (1u << START) | (1u << STOP) | (1u << CLEAR) \
      | (1u << CAPTURE) | (1u << TRIGGER) | (1u << CANCEL) | (1u << SNAPSHOT) | (1u << SAVE)        \
-     | (1u << FORGET))
+     | (1u << FORGET) | (1u << FORGET_LOG))
 #define COMMANDS ((1u << WRITE) | (1u << START) | (1u << STOP) | (1u << CLEAR))
 
 static uint16_t u16(const uint8_t *at)
@@ -133,6 +133,22 @@ static unsigned judged(const uint8_t *in, size_t n, const rules_before *b)
         }
     }
     return DONE;
+}
+
+/* Rows of a kind of LIST. */
+static unsigned rows_of(unsigned kind)
+{
+    switch (kind) {
+    case HT_LIST_FAULTS:
+    case HT_LIST_COUNTERS:
+        return 1u;
+    case HT_LIST_EVENTS:
+        return ht_log_events(&the_rig.log);
+    case HT_LIST_LIMITS:
+        return HT_LIMITS;
+    default:
+        return ht_dictionary_rows((uint16_t)kind);
+    }
 }
 
 /* What a parameter is if the WRITE is carried out. */
@@ -333,7 +349,8 @@ static void check_done(unsigned opcode, const uint8_t *in, bool disturbed)
         CHECK(answered(26, 4) == the_rules.mark);
         break;
     case LIST:
-        CHECK((in[0] <= HT_LIST_ADDITIONS) || (in[0] == HT_LIST_FAULTS));
+        CHECK((in[0] <= HT_LIST_ADDITIONS)
+              || ((in[0] >= HT_LIST_FAULTS) && (in[0] <= HT_LIST_LIMITS)));
         CHECK(the_rig.service.reply.n > 13u);
         break;
     default:
@@ -428,8 +445,16 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
         expected = (!off || sampling(b)) ? BAD_STATE : DONE;
         CHECK(off || (the_rig.store_writes == 0u));
     } else if (opcode == LIST) {
-        unsigned rows = (in[0] == HT_LIST_FAULTS) ? 1u : ht_dictionary_rows(in[0]);
-        expected = (u16(&in[1]) < rows) ? DONE : NO_ID;
+        expected = (u16(&in[1]) < rows_of(in[0])) ? DONE : NO_ID;
+        if (in[0] == HT_LIST_EVENTS) { /* those in the memory are read with the gates off only */
+            bool off = (ht_state_flags(b->state) & HT_AT_WORK) == 0u;
+            bool last = u16(&in[1]) + 1u >= rows_of(in[0]); /* one may have come since */
+            expected = ((last && (status == NO_ID)) || (!off && (status == BAD_STATE))) ? status
+                                                                                        : expected;
+        }
+    } else if (opcode == FORGET_LOG) {
+        bool off = (b->state == HT_STATE_IDLE) || (b->state == HT_STATE_FAULT);
+        expected = (!off || (status == BAD_STATE)) ? BAD_STATE : DONE; /* or the memory is busy */
     } else if ((opcode == WRITE) || (opcode == GET) || (opcode == STREAM) || (opcode == ARM)) {
         expected = status; /* below */
         if (opcode == WRITE) {

@@ -126,7 +126,7 @@ def test_a_save_into_memory_with_a_dead_cell_says_so(value):
     assert lib.ht_store_save(memory.handle, controller.drive) == lib.HT_OK
     whole = bytes(memory.areas)
     used = Memory.BLOCK * block_count(lib.ht_param_count())
-    for n, at in enumerate(range(0, len(whole), 3)):
+    for n, at in enumerate(range(0, Memory.LOG, 3)):
         if at % Memory.AREA >= used:
             continue
         memory = Stuck(bytearray(before))

@@ -282,6 +282,23 @@ def test_golden_frames_equal_the_hosts_frames():
     assert golden["LIST all bits of the faults"] == request(wire.Op.LIST, row)
     words = wire.parse_reply(golden["reply to LIST, all bits of the faults"])
     assert wire.parse_fault_words(words.payload) == (0x10041, 0x10000)
+    for kind, row, what in ((7, 0, "the log's counters"), (8, 0, "the latest event"),
+                            (9, 2, "the third limit")):  # fmt: skip
+        assert golden[f"LIST {what}"] == request(wire.Op.LIST, struct.pack("<BH", kind, row))
+    assert golden["FORGET_LOG"] == request(wire.Op.FORGET_LOG)
+    counters = wire.parse_counters(
+        wire.parse_reply(golden["reply to LIST, the log's counters"]).payload, 3
+    )
+    assert counters == (
+        True, 12, 2, 1, 7200, 3601, 5, 312.5, 21.25, 1460.0, 96.0, (3, 0, 1)
+    )  # fmt: skip
+    event = wire.parse_event(wire.parse_reply(golden["reply to LIST, an event"]).payload, 0)
+    assert event == (
+        2, 3, 4, 1, 17, 7000, 3600, 0x10001, 0x400, 0x10, 311.0,
+        (1.5, -1.5, 2.5, -2.5, 0.5, -0.5), -1450.0, 94.5,
+    )  # fmt: skip
+    limit = wire.parse_limit(wire.parse_reply(golden["reply to LIST, a limit"]).payload, 2)
+    assert limit == (4, True, 0x01020000, 0x01020300, "dc link low", "vdc_low_V")
     sample = np.frombuffer(golden["sample of stream 1"], wire.sample_type(3))[0]
     assert (sample["number"], sample["tick"]) == (255, 0xFFFFFFFF)
     assert sample["values"].tolist() == [1.5, -0.0, 311.0]

@@ -18,6 +18,7 @@ from device import (
     DICTIONARY,
     DONE,
     FORGET,
+    FORGET_LOG,
     GET,
     HELLO,
     ID,
@@ -53,7 +54,7 @@ from hexatorque.firmware import ffi, lib
 from hexatorque.serial import wire
 
 NEEDS_SESSION = wire.NEEDS_SESSION  # the client opens a session for these
-NEEDS_DICTIONARY = {GET, WRITE, START, CLEAR, STREAM, ARM, SAVE, FORGET}
+NEEDS_DICTIONARY = {GET, WRITE, START, CLEAR, STREAM, ARM, SAVE, FORGET, FORGET_LOG}
 #: A payload of a right length.
 RIGHT = {
     LIST: struct.pack("<BH", 0, 0),
@@ -145,7 +146,7 @@ def test_requests_with_a_stale_dictionary_are_refused(device, op):
             assert reply.status != DICTIONARY
 
 
-@pytest.mark.parametrize("op", [20, 32, 63])
+@pytest.mark.parametrize("op", [21, 32, 63])
 def test_an_unknown_opcode_is_refused(device, op):
     assert device.ask(op).status == OPCODE
     assert device.ask(op, bytes(300)).status == OPCODE
@@ -204,7 +205,7 @@ def test_the_dictionary_has_every_row_and_its_crc(device):
         reply = device.ask(LIST, struct.pack("<BH", kind, count))
         assert (reply.status, reply.payload) == (ID, b"\xff\xff")
     assert found == crc
-    for kind, row in ((4, 1), (5, 1), (6, 1), (7, 0), (255, 0)):
+    for kind, row in ((4, 1), (5, 1), (6, 1), (7, 1), (9, 10), (10, 0), (255, 0)):
         assert device.ask(LIST, struct.pack("<BH", kind, row)).status == ID
     names = [t[0].decode() for t in texts]
     assert names[: rows[0]] == list(PARAMETERS)
@@ -220,7 +221,7 @@ def test_the_row_of_additions_has_the_flags_of_states(device):
     without it."""
     payload = device.done(LIST, "BH", 4, 0).payload
     kind, row, minor, *flags = struct.unpack(f"<BHH{len(payload) - 5}B", payload)
-    assert (kind, row, minor) == (4, 0, 3)
+    assert (kind, row, minor) == (4, 0, 4)
     gates = {"build", "run", "test"}
     assert dict(zip(firmware.STATES, flags, strict=True)) == {
         name: (name in gates | {"calibrate"}) + 2 * (name in gates) + 4 * (name in gates - {"test"})

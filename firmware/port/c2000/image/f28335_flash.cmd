@@ -1,7 +1,7 @@
 /* F28335, image in flash. The drive's code and constants are loaded there and run from
  * RAM. Kept free: the last 16 words of every range next to nothing (the CPU
- * prefetches beyond the end), the words of the code security module, and sectors H and G: the store of
- * the parameters (store/). TI's library that writes them runs from RAM. */
+ * prefetches beyond the end), the words of the code security module, and sectors H to E: the store of
+ * the parameters, and the log (store/). TI's library that writes them runs from RAM. */
 #ifdef HT_FLASH_API /* the library's name, from the build */
 #define HT_IN_RAM *(.TI.ramfunc) -l HT_FLASH_API (.text)
 #else
@@ -15,7 +15,8 @@ MEMORY
     CODE    : origin = 0x008000, length = 0x004000   /* L0..L3 */
     DATA    : origin = 0x00C000, length = 0x003FF0   /* L4..L7 */
     STORE   : origin = 0x300000, length = 0x010000   /* sectors H, G; no section goes there */
-    FLASH   : origin = 0x310000, length = 0x02FF70   /* sectors F..A; 0x33FF80 on: security */
+    LOG     : origin = 0x310000, length = 0x010000   /* sectors F, E; nor there */
+    FLASH   : origin = 0x320000, length = 0x01FF70   /* sectors D..A; 0x33FF80 on: security */
     BEGIN   : origin = 0x33FFF6, length = 0x000002   /* the boot ROM's jump to flash */
     RESET   : origin = 0x3FFFC0, length = 0x000002   /* in the boot ROM */
 }
@@ -27,6 +28,8 @@ SECTIONS
      * it stays by name: main, which copies the rest, and what only the background runs. */
     .stays      : { *main.*(.TI.ramfunc)
                     *ht_dictionary.*(.TI.ramfunc)
+                    *ht_log.*(.TI.ramfunc)
+                    *ht_log_ring.*(.TI.ramfunc)
                     *ht_no_store.*(.TI.ramfunc)
                     *ht_packet.*(.TI.ramfunc)
                     *ht_requests_drive.*(.TI.ramfunc)

@@ -1,7 +1,7 @@
 /* F28377S, image in flash bank 0. The drive's code and constants are loaded there and run
  * from RAM. Kept free: the last 16 words of every range next to nothing (the CPU
- * prefetches beyond the end) and before the store, which is the parameters' (store/): sectors M and
- * N, the last of the bank. TI's library that writes them runs from RAM. */
+ * prefetches beyond the end) and before the log and the parameters' store (store/): sectors K to N, the
+ * last of the bank. TI's library that writes them runs from RAM. */
 #ifdef HT_FLASH_API /* the library's name, from the build */
 #define HT_IN_RAM *(.TI.ramfunc) -l HT_FLASH_API (.text)
 #else
@@ -15,8 +15,9 @@ MEMORY
     CODE    : origin = 0x008000, length = 0x004000   /* LS0..LS5, D0, D1 */
     DATA    : origin = 0x00C000, length = 0x00FFF0   /* GS0..GS15 */
     BEGIN   : origin = 0x080000, length = 0x000002   /* the boot ROM's jump to flash */
-    FLASH   : origin = 0x080002, length = 0x03BFEE   /* sectors A..L */
-    STORE   : origin = 0x0BC000, length = 0x004000   /* sectors M, N; no section goes there */
+    FLASH   : origin = 0x080002, length = 0x037FEE   /* sectors A..J */
+    LOG     : origin = 0x0B8000, length = 0x004000   /* sectors K, L; no section goes there */
+    STORE   : origin = 0x0BC000, length = 0x004000   /* sectors M, N; nor there */
     RESET   : origin = 0x3FFFC0, length = 0x000002   /* in the boot ROM */
 }
 
@@ -27,6 +28,8 @@ SECTIONS
      * it stays by name: main, which copies the rest, and what only the background runs. */
     .stays      : { *main.*(.TI.ramfunc)
                     *ht_dictionary.*(.TI.ramfunc)
+                    *ht_log.*(.TI.ramfunc)
+                    *ht_log_ring.*(.TI.ramfunc)
                     *ht_no_store.*(.TI.ramfunc)
                     *ht_packet.*(.TI.ramfunc)
                     *ht_requests_drive.*(.TI.ramfunc)

@@ -22,6 +22,7 @@ ht_port ht_image_port;
 ht_drive ht_image_drive;
 ht_service ht_image_service;
 ht_store ht_image_store;
+ht_drive_log ht_image_log;
 #ifdef HT_XCP
 static ht_xcp xcp;
 #endif
@@ -88,6 +89,8 @@ void ht_image_start(void)
     ht_pie_start(&ht_image_port, &isrs);
     ht_store_none(&ht_image_store);
     (void)ht_image_memory(&ht_image_port, &ht_image_store.port);
+    ht_log_none(&ht_image_log);
+    (void)ht_image_log_memory(&ht_image_port, &ht_image_log.ring.port);
     ht_params_default(&params);
     if (ht_store_start(&ht_image_store, &ht_image_drive, &ht_image_port, &params) != HT_OK) {
         ht_image_start_result = (uint16_t)HT_START_REFUSED;
@@ -104,6 +107,7 @@ void ht_image_start(void)
     link.memory = capture_memory;
     link.memory_size = HT_CAPTURE_VALUES;
     link.store = &ht_image_store;
+    link.log = &ht_image_log;
     link.reset = &reset;
     ht_service_init(&ht_image_service, &ht_image_drive, &link);
     ht_image_start_result = (uint16_t)ht_image_port.clock;

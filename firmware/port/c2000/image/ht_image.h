@@ -57,11 +57,14 @@ extern ht_port ht_image_port;
 extern ht_drive ht_image_drive;
 extern ht_service ht_image_service;
 extern ht_store ht_image_store;
+extern ht_drive_log ht_image_log;
 extern ht_reset_memory ht_image_reset_memory; /**< kept over a reset */
 
 /** The memory for parameters that this image is built with: flash sectors (folder store/), or
  *  none (ht_no_store.c), then `memory` is left alone and the answer is false. */
 bool ht_image_memory(ht_port *port, ht_store_port *memory);
+/** The same for the log. */
+bool ht_image_log_memory(ht_port *port, ht_store_port *memory);
 
 /** From reset to a drive in IDLE with both interrupts running. With a wrong system clock: to a
  *  drive in FAULT without interrupts and without pins to switch a gate on, which answers on the

@@ -45,10 +45,11 @@ static void begin(ht_port *port)
 
 bool ht_flash_erase(ht_port *port, uint32_t address)
 {
+    static const Uint16 sector[HT_FLASH_AREAS] = {SECTORH, SECTORG, SECTORF, SECTORE};
     FLASH_ST where;
     Uint16 status;
     begin(port);
-    status = Flash_Erase((address == SECTOR_H_ADDRESS) ? SECTORH : SECTORG, &where);
+    status = Flash_Erase(sector[(address - SECTOR_H_ADDRESS) / SECTOR_WORDS], &where);
     HT_EDIS(port->io);
     return status == (Uint16)STATUS_SUCCESS;
 }

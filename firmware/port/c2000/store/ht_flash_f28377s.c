@@ -7,6 +7,7 @@
 #include "ht_drivers.h"
 #include "ht_store_flash.h"
 
+#define SECTOR_K 0x000B8000u
 #define SECTOR_M 0x000BC000u
 #define SECTOR_WORDS 0x00002000u
 #define WORDS_32 2u /* 16-bit words of what the API's checks count in */
@@ -14,7 +15,9 @@
 
 uint32_t ht_flash_area(uint16_t area)
 {
-    return SECTOR_M + ((uint32_t)area * SECTOR_WORDS);
+    return (area < HT_STORE_AREAS)
+               ? (SECTOR_M + ((uint32_t)area * SECTOR_WORDS))
+               : (SECTOR_K + ((uint32_t)(area - HT_STORE_AREAS) * SECTOR_WORDS));
 }
 
 uint32_t ht_flash_area_words(void)

@@ -1,4 +1,4 @@
-/* The two functions of a parameter store in the chip's flash. */
+/* The two functions of a memory in the chip's flash, for the parameter store and for the log. */
 #include "ht_store_flash.h"
 
 #include <stddef.h>
@@ -19,13 +19,12 @@ static uint32_t address_of(uint16_t area, uint16_t block)
 
 static bool inside(uint16_t area, uint16_t block)
 {
-    return (area < HT_STORE_AREAS)
+    return (area < HT_FLASH_AREAS)
            && ((((uint32_t)block + 1u) * HT_STORE_WORDS) <= ht_flash_area_words());
 }
 
-static bool read_block(void *at, uint16_t area, uint16_t block, uint16_t *words)
+static bool read_area(ht_port *port, uint16_t area, uint16_t block, uint16_t *words)
 {
-    ht_port *port = (ht_port *)at;
     uint32_t address = address_of(area, block);
     uint16_t k;
     if (!inside(area, block)) {
@@ -39,9 +38,8 @@ static bool read_block(void *at, uint16_t area, uint16_t block, uint16_t *words)
     return true;
 }
 
-static bool write_block(void *at, uint16_t area, uint16_t block, const uint16_t *words)
+static bool write_area(ht_port *port, uint16_t area, uint16_t block, const uint16_t *words)
 {
-    ht_port *port = (ht_port *)at;
     bool good;
     if (!inside(area, block)) {
         return false;
@@ -61,10 +59,41 @@ static bool write_block(void *at, uint16_t area, uint16_t block, const uint16_t 
     return good;
 }
 
+static bool read_block(void *at, uint16_t area, uint16_t block, uint16_t *words)
+{
+    return (area < HT_STORE_AREAS) && read_area((ht_port *)at, area, block, words);
+}
+
+static bool write_block(void *at, uint16_t area, uint16_t block, const uint16_t *words)
+{
+    return (area < HT_STORE_AREAS) && write_area((ht_port *)at, area, block, words);
+}
+
+static bool read_log(void *at, uint16_t area, uint16_t block, uint16_t *words)
+{
+    return (area < HT_STORE_AREAS)
+           && read_area((ht_port *)at, (uint16_t)(HT_STORE_AREAS + area), block, words);
+}
+
+static bool write_log(void *at, uint16_t area, uint16_t block, const uint16_t *words)
+{
+    return (area < HT_STORE_AREAS)
+           && write_area((ht_port *)at, (uint16_t)(HT_STORE_AREAS + area), block, words);
+}
+
 bool ht_image_memory(ht_port *port, ht_store_port *memory)
 {
     memory->read = read_block;
     memory->write = write_block;
+    memory->at = port;
+    memory->blocks = (uint16_t)(ht_flash_area_words() / HT_STORE_WORDS);
+    return true;
+}
+
+bool ht_image_log_memory(ht_port *port, ht_store_port *memory)
+{
+    memory->read = read_log;
+    memory->write = write_log;
     memory->at = port;
     memory->blocks = (uint16_t)(ht_flash_area_words() / HT_STORE_WORDS);
     return true;

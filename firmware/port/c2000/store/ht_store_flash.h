@@ -1,15 +1,15 @@
 /** @file ht_store_flash.h
- *  The parameter store of the C2000 images: two sectors of the chip's own flash, which the linker
- *  command files leave free. Erased and programmed through TI's flash API, which is the user's
+ *  Parameter store and log of the C2000 images: two sectors each of the chip's own flash, which the
+ *  linker command files leave free. Erased and programmed through TI's flash API, which is the user's
  *  (C2000Ware; CMake option HT_FLASH_API) and is called in one file per device.
  *
- *  | device | area 0 | area 1 | sector | TI's API |
+ *  | device | parameters | log | sector | TI's API |
  *  |---|---|---|---|---|
- *  | F28335 | sector H, 0x300000 | sector G, 0x308000 | 32 k words | Flash2833x |
- *  | F28377S | sector M, 0xBC000 | sector N, 0xBE000 | 8 k words | F021, bank 0 |
+ *  | F28335 | H, 0x300000; G, 0x308000 | F, 0x310000; E, 0x318000 | 32 k words | Flash2833x |
+ *  | F28377S | M, 0xBC000; N, 0xBE000 | K, 0xB8000; L, 0xBA000 | 8 k words | F021, bank 0 |
  *
- *  What happens while the flash is erased or programmed, some 100 ms for a save on the F28377S,
- *  seconds on the F28335:
+ *  What happens while the flash is erased or programmed: some 100 ms for a save on the F28377S,
+ *  seconds on the F28335, below 1 ms for a block of the log:
  *  - *Gates.* Off: the drive is idle or in fault, and all PWM modules are tripped once more before
  *    anything else. The trip holds the pins low without the CPU.
  *  - *Interrupts* are held off, because they call functions of the compiler's runtime in the flash,
@@ -18,7 +18,7 @@
  *    itself, F28377S: HT_FLASH_PATIENCE_US for an erase). After that the chip resets.
  *  - *Fast interrupt.* It misses its conversions. `tick` counts fast interrupts and so stands
  *    still: the board's time does. The service therefore refuses a save while samples are streamed
- *    or captured. The pending interrupt comes once, at the end, with the sample of the latest
+ *    or captured; a block of the log makes a gap of some ticks. The pending interrupt comes once, at the end, with the sample of the latest
  *    conversion. This is not taken for an overrun or a lost interrupt. Overruns are checked in
  *    calibrate, build and run only. The slow interrupt is held off as well and comes after the fast
  *    one, and its timer then begins a new period. So there is always a fast interrupt between two
@@ -38,6 +38,9 @@
 #define HT_FLASH_PATIENCE_US 10000000u
 
 /* One file per device. These run from RAM, with interrupts held off. */
+
+/** Areas of both memories: those of the parameters, then those of the log. */
+#define HT_FLASH_AREAS 4u
 
 /** First word of an area. */
 uint32_t ht_flash_area(uint16_t area);

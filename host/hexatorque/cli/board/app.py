@@ -7,6 +7,7 @@ from .a2l import a2l
 from .commission import commission
 from .compare import compare
 from .drive import clear, list_boards, set_parameters, start, status, stop
+from .log import log
 from .monitor import monitor
 from .params import params
 from .record import capture, stream, watch
@@ -43,6 +44,7 @@ for command in (
     capture,
     watch,
     compare,
+    log,
     monitor,
     a2l,
 ):

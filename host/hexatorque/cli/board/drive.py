@@ -53,6 +53,7 @@ def status(device, baud, as_json) -> int:
         status = drive.client.get_status()
         capture = status.capture
         faults, snapshot, reset = drive.faults, drive.snapshot, drive.reset
+        limits = drive.limits
         now = drive.latest(("warnings", "torque_limit_Nm", "speed_rpm"))
         warned = now and warnings(int(now["warnings"]))
         data = {
@@ -66,6 +67,7 @@ def status(device, baud, as_json) -> int:
             "faults": faults,
             "warnings": warned,
             "torque_limit_Nm": now and now["torque_limit_Nm"],
+            "limits": limits,
             "parameters": parameter_set(status.set),
             "guarded": status.guarded,
             "session": status.in_session,
@@ -89,11 +91,17 @@ def status(device, baud, as_json) -> int:
         "faults": ", ".join(faults),
         "warnings": told,
         "torque_limit_Nm": left,
+        "limits": "not known" if limits is None else ", ".join(_since(limits)),
     }
     say(as_json, data | {name: text or "none" for name, text in words.items()})
     if snapshot:
         print(f"{'latest fault':>16}  tick {snapshot['tick']}: {', '.join(snapshot['faults'])}")
     return 0
+
+
+def _since(limits: dict[str, float]) -> list[str]:
+    """Limits that act, and for how long."""
+    return [f"{name} (for {seconds:.1f} s)" for name, seconds in limits.items()]
 
 
 @click.command(
@@ -116,11 +124,18 @@ def start(duration, device, baud, as_json, **before) -> int:
         start_drive(drive, values)
         end = None if duration is None else time.monotonic() + duration
         was = State("")
+        acted: dict[str, float] = {}
         while was.at_work and not ended.is_set() and (end is None or time.monotonic() < end):
             now = drive.condition
             if now != was:
                 console.print(f"{drive.time_s:8.2f} s  {now.name}")
             was = now
+            limits = drive.limits or {}
+            for name in limits.keys() ^ acted.keys():
+                what = "acts" if name in limits else "acts no more"
+                began_s = drive.time_s - limits.get(name, 0.0)
+                console.print(f"{began_s:8.2f} s  limit: {name} {what}")
+            acted = limits
             # Where a board does not tell what its states are, each may be at work: a fault ends it.
             if drive.faults:
                 break

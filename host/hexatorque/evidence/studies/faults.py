@@ -552,6 +552,33 @@ def _latched(
         return "the snapshot is of another interrupt"
     if fault.deadline == NOW and snapshot["state"] != result.state:
         return f"the snapshot says {snapshot['state']}"
+    return _logged(sim)
+
+
+#: Turns of the background in which a log is read and all that waits is written; words of a slot;
+#: where an event has the faults.
+LOG_TURNS, LOG_WORDS, LOG_FAULTS = 300, 32, 8
+
+
+def _logged(sim: SimulatedDrive) -> str:
+    """After a power-off the log must name the fault and the state. Returns what is wrong."""
+    lib, drive = firmware.lib, sim.controller.drive
+    before = firmware.MemoryStore()
+    after = firmware.MemoryStore(before.areas)
+    for store in (before, after):
+        lib.ht_log_start(store.log, firmware.ffi.NULL)
+        for _ in range(LOG_TURNS):
+            lib.ht_log_turn(store.log, drive, True)
+    words = firmware.ffi.new("uint16_t[]", LOG_WORDS)
+    # The latest are the second start and what it found latched.
+    if lib.ht_log_row(after.log, drive, 2, words) != lib.HT_OK:
+        return "the log has lost the trip"
+    event, state = words[0] & 0xFF, words[0] >> 8
+    faults = words[LOG_FAULTS] | words[LOG_FAULTS + 1] << 16
+    if (event, state, faults) != (
+        lib.HT_EVENT_TRIP, drive.snapshot.state, drive.snapshot.faults,
+    ):  # fmt: skip
+        return f"the log says {', '.join(firmware.causes(faults))} in {firmware.STATES[state]}"
     return ""
 
 

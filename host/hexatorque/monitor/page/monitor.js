@@ -333,6 +333,9 @@ function hear(now) {
   $("state").textContent = now.plugged ? now.state || "–" : "unplugged";
   $("faults").textContent = now.faults.join(", ");
   $("faults").hidden = !now.faults.length;
+  const acting = (now.limits ?? []).map((one) => `${one.name} for ${one.for_s.toFixed(0)} s`).join(", ");
+  $("acting").hidden = !acting;
+  $("acting").textContent = `Torque is limited: ${acting}`;
   $("start").disabled = !now.may_start || now.working || !now.plugged;
   $("clear").disabled = !now.may_clear || !now.plugged;
   alarm();
@@ -353,7 +356,10 @@ function hear(now) {
     seen.values = now.values;
     fetchValues().catch(() => { seen.values = -1; });
   }
-  if (now.snapshot !== seen.snapshot) fetchSnapshot(now.snapshot);
+  if (now.snapshot !== seen.snapshot) {
+    fetchSnapshot(now.snapshot);
+    fetchLog();
+  }
   if (now.capture !== seen.capture) fetchCapture(now.capture);
   if (now.commissioning !== seen.commissioning) {
     seen.commissioning = now.commissioning;
@@ -752,6 +758,37 @@ async function fetchSnapshot(version) {
     make("table", {}, make("tbody", {}, ...rows)));
 }
 
+// -- what the board remembers ------------------------------------------------------------
+
+/** The log is read when it is opened, and after a fault. */
+async function fetchLog() {
+  if (!$("log").open) return;
+  const box = $("log").lastChild;
+  let found;
+  try {
+    found = await ask("/log");
+  } catch (error) {
+    box.textContent = error.message;
+    return;
+  }
+  if (!found) {
+    box.textContent = "This board keeps no log.";
+    return;
+  }
+  const clock = (s) => `${Math.floor(s / 3600)}:${String(Math.floor(s / 60) % 60).padStart(2, "0")}:${String(s % 60).padStart(2, "0")}`;
+  const trips = Object.entries(found.trips).map(([name, n]) => `${name} ${n}`).join(", ");
+  const rows = found.events.map((one) => make("tr", {
+    title: `${one.state}, ${one.scheme}; ${show(one.vdc_V)} V, ${show(Math.max(...Object.values(one.currents_A).map(Math.abs)))} A, ` +
+      `${show(one.speed_rpm)} r/min, ${show(one.winding_degC)} degC${one.limits.length ? `; limits: ${one.limits.join(", ")}` : ""}`,
+  }, make("td", { textContent: clock(one.powered_s) }), make("td", { textContent: one.event }), make("td", { textContent: one.causes.join(", ") })));
+  box.replaceChildren(
+    make("p", { className: "hint", textContent:
+      `Powered ${clock(found.powered_s)}, gates on ${clock(found.gates_s)}, ${found.starts} starts. ` +
+      `Largest: ${show(found.vdc_V)} V, ${show(found.current_A)} A, ${show(found.speed_rpm)} r/min, ${show(found.winding_degC)} degC. ` +
+      `Trips: ${trips || "none"}.${found.kept ? "" : " Lost with the power."}` }),
+    make("table", {}, make("tbody", {}, ...rows)));
+}
+
 // -- begin -------------------------------------------------------------------------------
 
 /** Arrow keys, Home and End move in a list of tabs; the Tab key enters it at the one that is chosen. */
@@ -811,6 +848,7 @@ async function begin() {
   document.title = `${device.device} · hexatorque monitor`;
   $("reset").lastChild.addEventListener("click", () => order("/reset/seen"));
   quick();
+  $("log").addEventListener("toggle", fetchLog);
   parameters(device, showQuick);
   sets(Boolean(device.plant));
   channels();

@@ -1,0 +1,248 @@
+"""What a drive remembers: events with the right causes, counters that survive power-off, written
+with the gates off only. (Power that fails within a write, damage and wear: tests/c/test_log.c.)"""
+
+import struct
+
+import numpy as np
+import pytest
+from device import (
+    CLEAR,
+    DONE,
+    FORGET_LOG,
+    ID,
+    LENGTH,
+    LIST,
+    SESSION,
+    START,
+    STATE,
+    STOP,
+    Device,
+)
+
+from hexatorque import firmware
+from hexatorque.firmware import MemoryStore, ffi, lib
+from hexatorque.serial import wire
+
+ROWS = [lib.ht_fault_describe(row) for row in range(lib.ht_fault_count())]
+FAULTS = {ffi.string(row.name).decode(): row.bit for row in ROWS}
+#: Fast interrupts in which everything that waits is written, and the memory is read at a start.
+SETTLE = 400
+
+
+class Watched(MemoryStore):
+    """Notes the state of the drive at each write."""
+
+    device = None
+
+    def __init__(self, areas=None):
+        super().__init__(areas)
+        self.states = set()
+        self.erases = self.blocks = 0
+
+    def put(self, begin, raw):
+        assert begin >= self.LOG, "the parameters' areas are not the log's"
+        if self.device:
+            self.states.add(self.device.state)
+            assert self.device.gates_off
+        self.erases += len(raw) > self.BLOCK
+        self.blocks += len(raw) == self.BLOCK
+        return super().put(begin, raw)
+
+
+def board(areas=None, **more):
+    store = Watched(areas)
+    device = Device(store=store, **more)
+    store.device = device
+    device.tick(SETTLE)
+    return device
+
+
+def again(device):
+    """The same memory after a power-off."""
+    return board(device.controller.store.areas)
+
+
+def counters(device):
+    payload = device.done(LIST, "BH", wire.COUNTERS, 0).payload
+    return wire.parse_counters(payload, len(FAULTS))
+
+
+def events(device):
+    count = counters(device).events
+    return [
+        wire.parse_event(device.done(LIST, "BH", wire.EVENTS, row).payload, row)
+        for row in range(count)
+    ]
+
+
+def trip(device, bits):
+    lib.ht_drive_trip(device.drive, bits)
+    device.tick(SETTLE)
+
+
+def clear(device):
+    assert device.ask(CLEAR).status == DONE
+
+
+def test_the_first_event_tells_why_the_board_started():
+    device = board()
+    (first,) = events(device)
+    assert (first.event, first.sequence) == (lib.HT_EVENT_START, 1)
+    assert firmware.reset_cause(first.reset) == "power-on"
+    later = again(device)
+    assert [one.sequence for one in events(later)] == [2, 1]
+
+
+@pytest.mark.parametrize("name", [n for n in FAULTS if n != "system clock wrong"])
+def test_each_trip_is_there_with_its_cause_after_a_power_off(name):
+    device = board()
+    device.drive.speed_rpm = 321.0
+    device.sense(6, 3000)
+    device.tick(2)
+    vdc = device.channel("vdc_V")
+    trip(device, FAULTS[name])
+    after = again(device)
+    latest = events(after)[1]  # before it the present start
+    assert latest.event == lib.HT_EVENT_TRIP
+    assert latest.faults == FAULTS[name]
+    assert latest.vdc_V == np.float32(vdc)
+    assert latest.state == lib.HT_STATE_IDLE
+    trips = dict(zip(FAULTS, counters(after).trips))
+    assert trips == {other: int(other == name) for other in FAULTS}
+    assert counters(after).vdc_V >= np.float32(vdc)
+
+
+def test_with_a_wrong_clock_nothing_is_written():
+    """The flash is timed by it."""
+    device = board()
+    before = bytes(device.controller.store.areas)
+    trip(device, FAULTS["system clock wrong"])
+    assert bytes(device.controller.store.areas) == before
+    assert events(device)[0].faults == FAULTS["system clock wrong"]
+
+
+def test_a_run_is_counted_and_written_after_it():
+    device = board()
+    assert device.ask(START).status == DONE
+    for _ in range(400):
+        device.tick(100)
+        device.ask(wire.Op.STATUS)  # or the watchdog stops it
+    assert device.state == "run"
+    rate = device.controller.number("f_isr_Hz")
+    ticks = device.now
+    device.controller.store.states.clear()
+    lib.ht_drive_trip(device.drive, FAULTS["over-current"])
+    device.tick(SETTLE)
+    assert device.controller.store.states == {"fault"}
+    after = again(device)
+    kept = counters(after)
+    assert kept.starts == 1
+    assert kept.powered_s == pytest.approx(ticks / rate, abs=1.0)
+    assert 0 < kept.gates_s <= kept.powered_s and kept.gates_s >= kept.powered_s - 1.5
+    found = events(after)[1]
+    assert firmware.STATES[found.state] == "run" and found.faults == FAULTS["over-current"]
+
+
+def test_nothing_is_written_or_read_in_the_flash_while_the_drive_is_at_work():
+    device = board()
+    trip(device, FAULTS["external trip"])
+    clear(device)
+    assert device.ask(START).status == DONE
+    store = device.controller.store
+    store.states.clear()
+    blocks = store.blocks
+    device.drive.warnings |= 0x0001
+    device.tick(150)
+    assert device.state == "run"
+    assert store.blocks == blocks
+    # The warning waits in RAM and can be read; what is in the flash cannot, for now.
+    latest = wire.parse_event(device.done(LIST, "BH", wire.EVENTS, 0).payload, 0)
+    assert (latest.event, latest.warnings) == (lib.HT_EVENT_WARNING, 1)
+    assert device.ask(LIST, struct.pack("<BH", wire.EVENTS, 1)).status == STATE
+    device.tick(50)
+    assert counters(device).events == 3  # once in a run
+    device.done(STOP)
+    device.tick(SETTLE)
+    assert [one.event for one in events(again(device))[1:]] == [
+        lib.HT_EVENT_WARNING, lib.HT_EVENT_TRIP, lib.HT_EVENT_START,
+    ]  # fmt: skip
+
+
+def test_a_trip_is_counted_even_if_the_power_fails_right_after_its_event():
+    device = board()
+    lib.ht_drive_trip(device.drive, FAULTS["over-current"])
+    store = device.controller.store
+    blocks = store.blocks
+    while store.blocks < blocks + 4:  # the event, and not yet the count
+        lib.ht_service_turn(ffi.addressof(device.service))
+    for areas in (store.areas, bytearray(store.areas)):
+        assert dict(zip(FAULTS, counters(board(bytearray(areas))).trips))["over-current"] == 1
+
+
+def test_trips_without_end_do_not_wear_the_memory():
+    """As many as there are tokens are written; the others are counted."""
+    device = board()
+    store = device.controller.store
+    many = 150
+    for _ in range(many):
+        trip(device, FAULTS["over-current"])
+        clear(device)
+    found = counters(device)
+    assert dict(zip(FAULTS, found.trips))["over-current"] == many
+    assert found.missed == many + 1 - 64  # the start took one
+    device.session = 0
+    device.tick(13000)  # the session ends, and the area may change
+    assert store.erases <= 1
+    assert store.blocks <= 4 * (2 * 64 + 70 * (store.erases + 1))
+    device.tick(620000)  # a minute: another token
+    after = counters(again(device))
+    assert dict(zip(FAULTS, after.trips))["over-current"] == many
+
+
+def test_emptied_it_keeps_its_counters():
+    device = board()
+    trip(device, FAULTS["over-current"])
+    assert device.ask(FORGET_LOG).status == DONE  # in fault: the gates are off
+    device.tick(SETTLE)
+    (only,) = events(device)
+    assert only.event == lib.HT_EVENT_FORGOTTEN
+    after = again(device)
+    assert [one.event for one in events(after)] == [lib.HT_EVENT_START, lib.HT_EVENT_FORGOTTEN]
+    assert dict(zip(FAULTS, counters(after).trips))["over-current"] == 1
+
+
+def test_what_is_refused():
+    device = board()
+    assert device.ask(LIST, struct.pack("<BH", wire.COUNTERS, 1)).status == ID
+    assert device.ask(LIST, struct.pack("<BH", wire.EVENTS, counters(device).events)).status == ID
+    assert device.ask(FORGET_LOG, b"\0").status == LENGTH
+    assert device.ask(FORGET_LOG, session=1).status == SESSION
+    assert device.ask(START).status == DONE
+    device.tick(20)
+    assert device.ask(FORGET_LOG).status == STATE
+
+
+def test_without_a_memory_the_latest_events_are_there_until_the_power_goes():
+    device = Device()
+    device.tick(SETTLE)
+    for _ in range(12):
+        trip(device, FAULTS["over-current"])
+        clear(device)
+    found = counters(device)
+    assert not found.kept and found.events == 8 and found.missed == 0
+    assert [one.sequence for one in events(device)] == list(range(13, 5, -1))
+
+
+def test_an_erase_waits_until_no_client_is_there():
+    """It would miss its answers: on a chip it takes up to seconds."""
+    areas = bytearray(b"\xff" * MemoryStore.SIZE)
+    areas[MemoryStore.LOG + MemoryStore.LOG_AREA - 1] = 0  # no log, and not blank
+    device = board(areas)
+    store = device.controller.store
+    trip(device, FAULTS["over-current"])
+    assert store.erases == store.blocks == 0
+    assert counters(device).events == 2  # waiting
+    device.session = 0
+    device.tick(12000)  # the session ends
+    assert store.erases == 1 and store.blocks > 0
+    assert [one.event for one in events(device)] == [lib.HT_EVENT_TRIP, lib.HT_EVENT_START]
