@@ -156,9 +156,9 @@ typedef struct {
     float along_A;                  /**< current along the flux at the last slow interrupt */
     ht_short_circuit_state short_circuit;
     ht_rotor_catch_state rotor_catch;
-    ht_snapshot snapshot;           /**< of the latest fault; a clear keeps it */
-    ht_params params;               /**< the latest that were accepted */
-    ht_drive_config configs[2];     /**< the one in force and the next */
+    ht_snapshot snapshot;       /**< of the latest fault; a clear keeps it */
+    ht_params params;           /**< the latest that were accepted */
+    ht_drive_config configs[2]; /**< the one in force and the next */
     /* Of the slow interrupt, out of the fast one's way. */
     uint32_t limit_from[HT_LIMITS]; /**< tick at which each limit began to act, the latest time */
     uint32_t limit_to[HT_LIMITS];   /**< and at which it was last seen to */
