@@ -19,16 +19,18 @@
 
 #ifdef HT_FAKE_F28335
 #include "Flash2833x_API_Library.h"
-#define FIRST 0x300000u /* sectors H, G, F */
-#define WORDS 0x18000u
+#define FIRST 0x300000u /* sectors H to D */
+#define WORDS 0x28000u
 #define STORE 0x300000u
+#define LOG 0x310000u
 #define SECTOR 0x8000u
 const ht_board *const bench_board = &ht_board_f28335;
 #else
 #include "F021_F2837xS_C28x.h"
-#define FIRST 0xB8000u /* sectors K, L, M, N */
-#define WORDS 0x8000u
+#define FIRST 0xB6000u /* the end of sector J, sectors K to N */
+#define WORDS 0xA000u
 #define STORE 0xBC000u
+#define LOG 0xB8000u
 #define SECTOR 0x2000u
 #define ECC_ENABLE 0x5FB00u
 #define FRD_INTF_CTRL 0x5F980u
@@ -64,6 +66,13 @@ static uint16_t *at_address(uint32_t address, unsigned words)
     return &memory[address - FIRST];
 }
 
+/* Of the parameters or of the log. */
+static bool ours(uint32_t address)
+{
+    return ((address >= STORE) && (address < STORE + 2u * SECTOR))
+           || ((address >= LOG) && (address < LOG + 2u * SECTOR));
+}
+
 static void rules(uint32_t address)
 {
     unsigned leg;
@@ -78,7 +87,7 @@ static void rules(uint32_t address)
             broken("a leg is not tripped");
         }
     }
-    if ((address < STORE) || (address >= STORE + 2u * SECTOR)) {
+    if (!ours(address)) {
         broken("a sector of the image");
     }
 }
@@ -164,10 +173,14 @@ static void clocked(void)
 
 Uint16 Flash_Erase(Uint16 sectors, FLASH_ST *where)
 {
-    uint32_t address = (sectors == SECTORH) ? 0x300000u : 0x308000u;
+    uint32_t address = (sectors == SECTORH)   ? 0x300000u
+                       : (sectors == SECTORG) ? 0x308000u
+                       : (sectors == SECTORF) ? 0x310000u
+                                              : 0x318000u;
     unsigned k;
     (void)where;
-    if ((sectors != SECTORH) && (sectors != SECTORG)) {
+    if ((sectors != SECTORH) && (sectors != SECTORG) && (sectors != SECTORF)
+        && (sectors != SECTORE)) {
         broken("another sector");
     }
     rules(address);
@@ -395,6 +408,8 @@ void bench_erase(void)
     blank_made = true;
     erase(STORE);
     erase(STORE + SECTOR);
+    erase(LOG);
+    erase(LOG + SECTOR);
 }
 
 uint16_t *bench_word(unsigned area, unsigned word)
@@ -406,7 +421,7 @@ bool fake_flash_rest_is_untouched(void)
 {
     unsigned k;
     for (k = 0; k < WORDS; k++) {
-        if (((FIRST + k < STORE) || (FIRST + k >= STORE + 2u * SECTOR)) && (memory[k] != 0x1234u)) {
+        if (!ours(FIRST + k) && (memory[k] != 0x1234u)) {
             return false;
         }
     }
