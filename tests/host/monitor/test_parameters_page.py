@@ -53,7 +53,7 @@ def test_a_group_opens_by_mouse_and_by_key(panel):
     "words, wanted",
     [
         ("encoder_counts", {"encoder_counts_rev"}),  # a name
-        ("leakage", set()),
+        ("leakage", {"lxy_H"}),
         ("transient inductance", {"sigma_ls_H"}),  # of the help text, in any order
         ("INDUCTANCE transient", {"sigma_ls_H"}),
         ("n m s/rad", {"kp_speed_Nms_rad"}),  # a unit
