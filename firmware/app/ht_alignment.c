@@ -11,6 +11,10 @@
  * is up to 15 degrees from the nearest direction; friction may leave as much again. */
 #define NEAR_TURNS (1.0f / 12.0f)
 
+/* A rotor whose angle is known and right is no further from the direction than that while it swings. From
+ * a wrong one the direct current pulls it there. */
+#define AWAY_TURNS (1.0f / 6.0f)
+
 static uint32_t share(uint32_t whole, float part)
 {
     float counts = (float)whole * part;
@@ -90,6 +94,11 @@ ht_alignment ht_alignment_step(const ht_alignment_config *cfg, ht_alignment_stat
 {
     uint32_t swing = apart(st->electrical, st->lookout, cfg->counts_rev);
     st->swing = (swing > st->swing) ? swing : st->swing;
+    if (cfg->known
+        && (apart(st->electrical, angle_of(cfg, st->direction), cfg->counts_rev)
+            > share(cfg->counts_rev, AWAY_TURNS))) {
+        return HT_NOT_ALIGNED;
+    }
     if (!cfg->known && (tick == share(cfg->ticks, ASIDE_SHARE))) {
         st->aside = st->electrical;
         st->direction = ALONG;

@@ -5,7 +5,8 @@
  *  winding's sets are not 30 degrees apart. So a rotor that stood
  *  exactly against the current at first is pulled all the same, and the encoder must show a quarter of
  *  an electrical turn backwards. "known": the encoder's count tells the angle. Direct current pulls the
- *  rotor to the nearest of twelve directions, where the count must show it within 30 degrees. Either
+ *  rotor to the nearest of twelve directions, where the count must show it within 30 degrees; beyond 60 it
+ *  ends at once, so a wrong angle is found before the rotor has made a quarter of an electrical turn. Either
  *  way the rotor swings for a while, and the drive waits until it rests.
  */
 #ifndef HT_ALIGNMENT_H

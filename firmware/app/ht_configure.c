@@ -350,6 +350,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
                                              : 0.0f;
     apply_protection(v, &c->protect);
     ht_excitation_configure(&c->params, &c->excitation);
+    ht_short_circuit_configure(&c->params, &c->short_circuit);
 }
 
 ht_result ht_configure(const ht_port *port, ht_drive_config *c, ht_pwm_setup *setup)

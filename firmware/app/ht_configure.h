@@ -15,6 +15,7 @@
 #include "ht_ramp.h"
 #include "ht_result.h"
 #include "ht_set_difference.h"
+#include "ht_short_circuit.h"
 #include "ht_speed.h"
 #include "ht_speed_measure.h"
 #include "ht_vdc.h"
@@ -44,6 +45,7 @@ typedef struct {
     ht_params params; /**< the parameters that all this is derived from */
     ht_excitation_config excitation;
     ht_alignment_config alignment; /**< of a rotor with magnets */
+    ht_short_circuit_config short_circuit;
 } ht_drive_config;
 
 /** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,

@@ -1,6 +1,7 @@
 #include "ht_angle.h"
 #include "ht_drive_inside.h"
 #include "ht_limited.h"
+#include "ht_vsd.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -113,7 +114,8 @@ static void keep(ht_drive *d, uint16_t state, uint32_t bits)
 
 uint16_t ht_drive_warnings(const ht_drive *d)
 {
-    return (uint16_t)(d->warnings | d->heat_warnings);
+    unsigned shorted = (d->short_circuit.on != 0u) ? (unsigned)HT_WARNING_SHORT_CIRCUIT : 0u;
+    return (uint16_t)(d->warnings | d->heat_warnings | shorted);
 }
 
 /* What a comparator has found since the gates went on, fault bits. */
@@ -153,12 +155,25 @@ void ht_drive_trip(ht_drive *d, uint32_t bits)
     fault(d, bits);
 }
 
+/* Gates off from outside the fast interrupt. The latches hold a short circuit without code, and it stays. */
+static void take_gates_off(const ht_drive *d)
+{
+    if (d->short_circuit.on == 0u) {
+        ht_port_gates_off(d->port);
+    }
+}
+
+void ht_drive_interrupt_lost(ht_drive *d)
+{
+    take_gates_off(d);
+}
+
 void ht_drive_stand_in(ht_drive *d, uint32_t bits)
 {
     const ht_drive_config *staged = d->staged;
     uint16_t state = d->state;
     d->state = (uint16_t)HT_STATE_FAULT; /* first, as in ht_drive_stop */
-    ht_port_gates_off(d->port);
+    take_gates_off(d);
     if (staged != NULL) {
         d->config = staged;
         d->taken_tick = d->tick;
@@ -309,15 +324,97 @@ HT_SELDOM static void coast(ht_drive *d)
     }
 }
 
+/* Current in alpha-beta. */
+static ht_ab current_A(const ht_drive *d)
+{
+    return ht_vsd_turned(d->config->control.observer.winding, ht_vsd_from_six(&d->in.i_A)).ab;
+}
+
+/* Electrical speed of the rotor, as measured. */
+static float omega_rad_s(const ht_drive *d)
+{
+    return d->speed_rpm / d->config->protect.rpm_per_rad_s;
+}
+
+/* Faults after which the gates stay off: a switch may have failed, and the lower ones would complete its
+ * short circuit. */
+#define NO_SHORT_CIRCUIT ((uint32_t)HT_FAULT_OVERCURRENT | (uint32_t)HT_FAULT_EXTERNAL)
+
+/* Magnets that need the short circuit as trip state, or may. */
+HT_SELDOM static void hold(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    ht_short_circuit_input in;
+    in.i_A = current_A(d);
+    in.vdc_V = d->in.vdc_V;
+    in.omega_rad_s = omega_rad_s(d);
+    in.encoder_doubtful = (d->faults & (uint32_t)HT_FAULT_ENCODER) != 0u;
+    if ((d->short_circuit.on != 0u) && ht_short_circuit_beyond(&c->short_circuit, in.i_A)) {
+        fault(d, HT_FAULT_OVERCURRENT);
+    }
+    in.forbidden = ((d->faults & NO_SHORT_CIRCUIT) != 0u) || ht_port_trip_pin_low(d->port);
+    if (ht_short_circuit_step(&c->short_circuit, &d->short_circuit, &in)) {
+        ht_port_short_circuit(d->port);
+        d->off_ticks = 0u; /* currents flow */
+    } else {
+        ht_port_gates_off(d->port);
+    }
+}
+
+/* One period in a state without control: no latch may stay released. */
+static void stay_off(ht_drive *d)
+{
+    if (d->config->short_circuit.allowed) {
+        hold(d);
+    } else {
+        ht_port_gates_off(d->port);
+    }
+    coast(d);
+}
+
 /* Less than this share of the flux reference is no flux to take over. */
 #define LEFT_OVER 0.05f
+
+/* Magnets whose angle is known, at a speed at which they make a current to judge it by, and no more voltage
+ * than the link has. */
+static bool can_catch_rotor(const ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    const ht_observer_config *m = &c->control.observer;
+    float omega = fabsf(omega_rad_s(d));
+    float most = HT_CLEAR_OF_CEILING
+                 * ht_short_circuit_ceiling_rad_s(&c->short_circuit, d->in.vdc_V);
+    return (c->alignment.known || (d->flux_unknown < HT_FLUX_KNOWN)) && (omega < most)
+           && (omega
+               > ht_rotor_catch_least_rad_s(&m->magnet, m->rs_ohm, c->params.v[HT_P_i_trip_A]));
+}
 
 /* Could a shaft be caught that turns? Its flux must be known, and the drive whole. */
 static bool can_catch(const ht_drive *d)
 {
     const float *v = d->params.v;
-    return (v[HT_P_machine] == 0.0f) && (v[HT_P_lost_legs] == 0.0f) && (v[HT_P_start_mode] == 0.0f)
-           && (d->flux_unknown < HT_FLUX_KNOWN);
+    bool known = (v[HT_P_machine] != 0.0f) ? can_catch_rotor(d) : (d->flux_unknown < HT_FLUX_KNOWN);
+    return known && (v[HT_P_lost_legs] == 0.0f) && (v[HT_P_start_mode] == 0.0f);
+}
+
+/* The same where the rotor has magnets: a standing one is aligned. */
+HT_SELDOM static void begin_rotor(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    const float *v = c->params.v;
+    float counts = d->speed_rpm * v[HT_P_encoder_counts_rev] / (60.0f * v[HT_P_f_isr_Hz]);
+    bool turns = !finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
+    d->catches = 0u;
+    ht_control_reset(&c->control, &d->control, &d->in.i_A);
+    if (turns && can_catch(d)) {
+        d->catches = 1u;
+        d->protect.counts_quick = counts; /* the shaft has not just begun to turn */
+        d->protect.counts_slow = counts;
+        ht_rotor_catch_begin(&d->rotor_catch);
+    }
+    if ((d->catches == 0u) || c->alignment.known) {
+        d->rotor.electrical = known_angle(d);
+    }
 }
 
 /* Begin the build-up: from nothing at standstill, or with what the machine has. */
@@ -327,7 +424,12 @@ static void begin_flux(ht_drive *d)
     ht_ab psi = d->control.observer.psi_Wb;
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     float least_Wb = LEFT_OVER * v[HT_P_flux_ref_Wb];
-    bool moves = (psi2 > least_Wb * least_Wb) || !finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
+    bool moves;
+    if (d->config->control.observer.magnets) {
+        begin_rotor(d);
+        return;
+    }
+    moves = (psi2 > least_Wb * least_Wb) || !finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
     d->catches = 0u;
     if (moves && can_catch(d)) {
         d->catches = 1u;
@@ -386,12 +488,12 @@ static void calibrate(ht_drive *d)
     ht_ramp_reset(&d->ramp, d->speed_rpm);
     d->motion = (uint16_t)HT_MOTION_FOLLOW;
     d->off_ticks = 0u;
+    ht_short_circuit_ends(&d->short_circuit);
     ht_set_difference_begin(&d->sets);
     d->torque_ref_Nm = 0.0f;
     d->vdc_acts = 0u;
     d->vdc_from_rpm = 0.0f;
     d->limits = 0u;
-    d->rotor.electrical = known_angle(d);
     (void)go_on_without(d, (uint16_t)d->config->params.v[HT_P_lost_legs]);
     if (d->config->params.v[HT_P_start_mode] != 0.0f) {
         ht_excitation_reset(&d->excitation, d->samples.position);
@@ -419,10 +521,10 @@ static bool gates_refused(ht_drive *d)
 }
 
 /* The flux is there: torque control begins. */
-static void begin_run(ht_drive *d, float omega_rad_s)
+static void begin_run(ht_drive *d, float omega)
 {
     d->flux_ramp_Wb = d->flux_ref_Wb;
-    d->omega_mean_rad_s = omega_rad_s;
+    d->omega_mean_rad_s = omega;
     d->protect.estimated_rpm = d->speed_rpm; /* there was no slip */
     d->flux_lowered = 0u;
     d->flux_unknown = 0.0f;
@@ -511,6 +613,7 @@ HT_SELDOM static void begin_run_with_magnets(ht_drive *d)
                       d->in.axis);
     d->control.estimate.psi_Wb = d->control.observer.psi_Wb;
     ht_drive_set_flux_ref(d, c->control.observer.magnet.psi_f_Wb);
+    d->flux_unknown = 0.0f;
     ht_drive_enter(d, HT_STATE_RUN);
 }
 
@@ -555,20 +658,80 @@ HT_SELDOM static void align(ht_drive *d)
     protect_after(d);
 }
 
+/* The turning rotor is where it is believed to be. Control begins in this period (first_step), without torque:
+ * with the flux of the magnets, or what the voltage turns of it. */
+HT_SELDOM static void begin_run_caught(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    float omega = omega_rad_s(d);
+    float flux_Wb = c->control.observer.magnet.psi_f_Wb;
+    float most_V = c->flux.reach_pu * d->in.vdc_V;
+    ht_control_reset(&c->control, &d->control, &d->in.i_A);
+    ht_observer_align(&c->control.observer, &d->control.observer, d->control.observer.i_A,
+                      d->in.axis);
+    d->control.observer.omega_sync_rad_s = omega;
+    if ((fabsf(omega) * flux_Wb) > most_V) {
+        flux_Wb = most_V / fabsf(omega);
+    }
+    ht_drive_set_flux_ref(d, flux_Wb);
+    d->in.torque_ref_Nm = 0.0f;
+    begin_run(d, omega);
+}
+
+/* The control step of a rotor that has just been caught. In the interrupt's own function, so that it takes no
+ * more stack than a period of RUN. */
+static HT_INTO_CALLERS void first_step(ht_drive *d)
+{
+    ht_compare out;
+    ht_control_step(&d->config->control, &d->control, &d->in, false, &out);
+    ht_port_write(d->port, &out);
+    protect_after(d);
+}
+
+/* One period of BUILD that catches a turning rotor with magnets. Returns whether it is caught. */
+HT_SELDOM static bool catch_rotor(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    uint32_t faults = faults_in_build(d) | d->slow_faults | d->rotor_faults;
+    ht_rotor_catch found = HT_CATCHING;
+    ht_compare low;
+    if (d->state_ticks > 1u) {
+        found = ht_rotor_catch_step(&c->control.observer, &d->rotor_catch, omega_rad_s(d),
+                                    d->in.axis, current_A(d), c->protect.i_trip_A);
+    }
+    if (found == HT_NOT_CAUGHT) {
+        faults |= HT_FAULT_ENCODER;
+    }
+    if (faults != 0u) {
+        fault(d, faults);
+        return false;
+    }
+    if (found == HT_CAUGHT) {
+        return true;
+    }
+    ht_control_low_pattern(&c->control, &low); /* the pattern stays: all legs low */
+    ht_port_write(d->port, &low);
+    if (gates_refused(d)) {
+        fault(d, HT_FAULT_EXTERNAL);
+    }
+    protect_after(d);
+    return false;
+}
+
 /* Share of the dc link's voltage that the flux of a shaft that is caught may take at most: the rest is left
  * for the current. In RUN the flux then rises to what weakening lets it have. */
 #define CATCH_PU 0.5f
 
 /* The next flux reference of a shaft that is caught. It rises as fast as at standstill, but waits while the
  * current is at its limit. */
-static float caught_Wb(const ht_drive *d, float omega_rad_s)
+static float caught_Wb(const ht_drive *d, float omega)
 {
     const ht_control_config *c = &d->config->control;
     ht_ab i = d->control.observer.i_A;
     float most_Wb = d->config->params.v[HT_P_flux_ref_Wb];
     uint32_t steps = d->build_ticks + 1u;
     float step_Wb = most_Wb / (float)steps;
-    float turned_V = fabsf(omega_rad_s) * most_Wb;
+    float turned_V = fabsf(omega) * most_Wb;
     float flux_Wb = d->flux_ref_Wb;
     float reach_pu = d->config->flux.reach_pu; /* the scheme must hold it */
     float most_V = ((reach_pu < CATCH_PU) ? reach_pu : CATCH_PU) * d->in.vdc_V;
@@ -587,20 +750,20 @@ HT_SELDOM static void catch_shaft(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
     uint32_t faults = faults_in_build(d) | d->slow_faults;
-    float omega_rad_s = d->speed_rpm / c->protect.rpm_per_rad_s;
+    float omega = omega_rad_s(d);
     ht_compare out;
     if (faults != 0u) {
         fault(d, faults);
         return;
     }
-    d->in.omega_rad_s = omega_rad_s;
-    ht_drive_set_flux_ref(d, caught_Wb(d, omega_rad_s));
+    d->in.omega_rad_s = omega;
+    ht_drive_set_flux_ref(d, caught_Wb(d, omega));
     ht_control_catch(&c->control, &d->control, &d->in, &out);
     ht_port_write(d->port, &out);
     if (gates_refused(d)) {
         fault(d, HT_FAULT_EXTERNAL);
     } else if (d->state_ticks >= d->build_ticks) {
-        begin_run(d, omega_rad_s);
+        begin_run(d, omega);
     } else {
         /* still building */
     }
@@ -683,7 +846,12 @@ void ht_drive_fast_isr(ht_drive *d)
         break;
     case HT_STATE_BUILD:
         d->state_ticks++;
-        if (d->config->control.observer.magnets) {
+        if (d->config->control.observer.magnets && (d->catches != 0u)) {
+            if (catch_rotor(d)) {
+                begin_run_caught(d);
+                first_step(d);
+            }
+        } else if (d->config->control.observer.magnets) {
             align(d);
         } else if (d->catches != 0u) {
             catch_shaft(d);
@@ -702,8 +870,7 @@ void ht_drive_fast_isr(ht_drive *d)
     case HT_STATE_IDLE: /* no tick: a start that this interrupt comes into would lose it */
     case HT_STATE_FAULT:
     default:
-        ht_port_gates_off(d->port); /* in these states no latch may stay released */
-        coast(d);
+        stay_off(d);
         break;
     }
     ht_port_ack_fast(d->port);
@@ -733,6 +900,9 @@ ht_result ht_drive_start(ht_drive *d)
     if ((d->state != (uint16_t)HT_STATE_IDLE) || (d->faults != 0u)) {
         return HT_ERROR_STATE; /* a fault that a stop overtook must be cleared first */
     }
+    if (d->short_circuit.on != 0u) {
+        return HT_ERROR_SHORT_CIRCUIT;
+    }
     if (!finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm]) && !can_catch(d)) {
         return HT_ERROR_TURNING;
     }
@@ -759,7 +929,7 @@ void ht_drive_stop(ht_drive *d)
     if (d->state != (uint16_t)HT_STATE_FAULT) {
         d->state = (uint16_t)HT_STATE_IDLE;
     }
-    ht_port_gates_off(d->port);
+    take_gates_off(d);
 }
 
 ht_result ht_drive_clear(ht_drive *d)

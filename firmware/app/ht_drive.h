@@ -24,6 +24,7 @@
 #define HT_DRIVE_H
 
 #include "ht_configure.h"
+#include "ht_rotor_catch.h"
 
 /* The number after the last one is how many there are. */
 typedef enum {
@@ -146,15 +147,18 @@ typedef struct {
     uint16_t calibration_ticks;
     uint16_t off_ticks;    /**< fast interrupts with the gates off, until 0xFFFF of them */
     uint16_t catches;      /**< 1: this build-up catches a turning shaft, or a flux that is left */
-    float flux_unknown;    /**< share of the flux reference that the machine may have unknown */
+    float flux_unknown;    /**< share of the flux reference that the machine may have unknown; with
+                                *   magnets 1: so is the rotor's angle */
     uint16_t flux_lowered; /**< 1: less flux, to keep the flux turning */
     ht_excitation_state excitation;
     ht_alignment_state rotor;       /**< with magnets: the angle of the d axis, and its alignment */
     ht_least_loss_state least_loss; /**< the flux in RUN */
     float along_A;                  /**< current along the flux at the last slow interrupt */
-    ht_snapshot snapshot;           /**< of the latest fault; a clear keeps it */
-    ht_params params;               /**< the latest that were accepted */
-    ht_drive_config configs[2];     /**< the one in force and the next */
+    ht_short_circuit_state short_circuit;
+    ht_rotor_catch_state rotor_catch;
+    ht_snapshot snapshot;       /**< of the latest fault; a clear keeps it */
+    ht_params params;           /**< the latest that were accepted */
+    ht_drive_config configs[2]; /**< the one in force and the next */
     /* Of the slow interrupt, out of the fast one's way. */
     uint32_t limit_from[HT_LIMITS]; /**< tick at which each limit began to act, the latest time */
     uint32_t limit_to[HT_LIMITS];   /**< and at which it was last seen to */
@@ -173,7 +177,8 @@ void ht_drive_fast_isr(ht_drive *d);
 void ht_drive_slow_isr(ht_drive *d);
 
 /** Commands from the background. A start needs IDLE and motion = follow, and standstill unless the turning
- *  shaft can be caught: not with magnets, nor before what flux there may be unknown has decayed; a clear needs
+ *  shaft can be caught: not before what flux there may be unknown has decayed, with magnets only where their
+ *  angle is known and below their ceiling; a clear needs
  *  FAULT; both are refused while the trip pin is low. After `restart_count` trips by hardware,
  *  each less than `restart_wait_s` after the one before, a start is refused until that time has passed. */
 ht_result ht_drive_start(ht_drive *d);
@@ -187,7 +192,9 @@ ht_result ht_drive_clear(ht_drive *d);
 /** Take the gates off and latch `bits`, for a fault that other code finds within the fast
  *  interrupt. */
 void ht_drive_trip(ht_drive *d, uint32_t bits);
-/** The same from outside the fast interrupt, if none is expected any more, or none yet. If one
+/** For a timer that finds no fast interrupt any more: gates off, but a short circuit stays. */
+void ht_drive_interrupt_lost(ht_drive *d);
+/** The same as a trip from outside the fast interrupt, if none is expected any more, or none yet. If one
  *  comes all the same, it finds the drive in FAULT. Also takes over parameters that wait for a fast
  *  interrupt. */
 void ht_drive_stand_in(ht_drive *d, uint32_t bits);

@@ -115,6 +115,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     d->in.axis.beta = 0.0f;
     d->stuck_leg = 0u;
     ht_protect_reset(&d->protect);
+    ht_short_circuit_reset(&d->short_circuit);
     d->taken_tick = d->tick + 1u;
     ht_drive_enter(d, HT_STATE_IDLE);
     return HT_OK;
@@ -183,6 +184,9 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
         if (info->when == HT_WHEN_IDLE) {
             if (d->state != (uint16_t)HT_STATE_IDLE) {
                 return HT_ERROR_STATE;
+            }
+            if (d->short_circuit.on != 0u) {
+                return HT_ERROR_SHORT_CIRCUIT; /* the set-up takes the gates off */
             }
             set_up_again = true;
         }

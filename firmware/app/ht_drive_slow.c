@@ -283,6 +283,9 @@ static void learn_resistances(ht_drive *d, const ht_drive_config *c)
     ht_leg_loss_tolerate(&d->control.leg_loss, v[HT_P_rs_ohm], v[HT_P_lxy_H], omega_rad_s);
 }
 
+/* Speed of the flux over the shaft's, at least: the slip of a machine that brakes. */
+#define BRAKING_SHARE 0.95f
+
 /* The flux reference: the ramp, or what Vdc can drive of it. */
 static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
 {
@@ -290,6 +293,8 @@ static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
     ht_ab i = d->control.observer.i_A;
     float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
     float b = (i.beta < 0.0f) ? -i.beta : i.beta;
+    float omega_rad_s = d->control.observer.omega_sync_rad_s;
+    float least_rad_s;
     if (c->params.v[HT_P_field_weakening] == 0.0f) {
         return d->flux_ramp_Wb;
     }
@@ -297,7 +302,11 @@ static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
     flux.i_A = (a > b) ? (0.96f * a + 0.398f * b) : (0.96f * b + 0.398f * a);
     flux.flux_Wb = d->flux_ramp_Wb;
     flux.vdc_V = d->in.vdc_V;
-    flux.omega_sync_rad_s = d->control.observer.omega_sync_rad_s;
+    /* A step of the torque turns the flux back for a moment, and the shaft does not take part in that: a
+     * flux reference that did would rise beyond the voltage, and the torque be lost. */
+    least_rad_s = BRAKING_SHARE * fabsf(d->speed_rpm)
+                  * (c->params.v[HT_P_pole_pairs] * (PI_F / 30.0f));
+    flux.omega_sync_rad_s = (fabsf(omega_rad_s) > least_rad_s) ? omega_rad_s : least_rad_s;
     return ht_flux_reference(&c->flux, &flux);
 }
 
@@ -539,6 +548,10 @@ void ht_drive_slow_isr(ht_drive *d)
     forget_trips(d, c->params.v);
     measure_speed(d, c);
     follow_heat(d, c);
+    if (c->short_circuit.allowed) {
+        ht_short_circuit_follow(&c->short_circuit, &d->short_circuit,
+                                d->speed_rpm / c->protect.rpm_per_rad_s);
+    }
     if (d->state == (uint16_t)HT_STATE_RUN) {
         faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
         d->slow_faults = faults | too_hot(d);

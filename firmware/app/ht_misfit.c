@@ -1,6 +1,7 @@
 #include "ht_misfit.h"
 
 #include "ht_lost_legs.h"
+#include "ht_magnet.h"
 #include "ht_schemes.h"
 #include "port.h"
 
@@ -9,6 +10,9 @@
 
 #define PI_F 3.14159265f
 #define ROOT_3 1.73205081f
+/* Of a current sensor's range, what is left on either side at the largest offset, less 2 %: as in the
+ * row I_TRIP. */
+#define SEEN_SHARE 0.885f
 
 static const ht_misfit_info table[] = {
 #define HT_ORDER(id, less, share, more, touch) {HT_P_##less, HT_P_##more, share, touch != 0},
@@ -101,14 +105,15 @@ static bool magnets_fit(const float *v, uint16_t misfit)
 {
     const ht_scheme_info *row = ht_scheme_describe((uint16_t)v[HT_P_scheme]);
     float omega = v[HT_P_speed_trip_rpm] * v[HT_P_pole_pairs] * (PI_F / 30.0f);
-    float peak = 1.0f + fabsf(v[HT_P_emf5_share]) + fabsf(v[HT_P_emf7_share]);
+    float terminal_Wb =
+        ht_magnet_terminal_Wb(v[HT_P_psi_f_Wb], v[HT_P_emf5_share], v[HT_P_emf7_share]);
     bool result = true;
     switch ((ht_misfit)misfit) {
     case HT_MISFIT_SALIENCY:
         result = v[HT_P_ld_H] <= v[HT_P_sigma_ls_H];
         break;
     case HT_MISFIT_CEILING:
-        result = ROOT_3 * peak * v[HT_P_psi_f_Wb] * omega <= v[HT_P_vdc_max_V];
+        result = (v[HT_P_trip_state] != 0.0f) || (terminal_Wb * omega <= v[HT_P_vdc_max_V]);
         break;
     case HT_MISFIT_MAGNET_LEGS:
         result = (v[HT_P_ride_through] == 0.0f) && (v[HT_P_lost_legs] == 0.0f);
@@ -118,6 +123,42 @@ static bool magnets_fit(const float *v, uint16_t misfit)
         result = ht_scheme_regulates_xy(row)
                  || (ht_scheme_xy_step_pu(row, ht_winding_of(v)) * v[HT_P_vdc_max_V]
                      <= v[HT_P_i_trip_A] * v[HT_P_lxy_H] * v[HT_P_f_isr_Hz]);
+        break;
+    }
+    return result;
+}
+
+/* The shaft may go on to rise beyond the speed at which the drive trips. */
+#define BEYOND_TRIP 1.1f
+
+float ht_misfit_short_A(const ht_params *p)
+{
+    const float *v = p->v;
+    float omega = BEYOND_TRIP * v[HT_P_speed_trip_rpm] * v[HT_P_pole_pairs] * (PI_F / 30.0f);
+    ht_magnet_config m;
+    m.psi_f_Wb = v[HT_P_psi_f_Wb];
+    m.ld_H = v[HT_P_ld_H];
+    m.lq_H = v[HT_P_sigma_ls_H];
+    m.inv_ld = 1.0f / m.ld_H;
+    return ht_magnet_short_A(&m, v[HT_P_rs_ohm], omega,
+                             v[HT_P_torque_limit_Nm] / (3.0f * v[HT_P_pole_pairs] * m.psi_f_Wb));
+}
+
+/* What the short circuit demands where it is the trip state. */
+static bool short_fits(const ht_params *p, uint16_t misfit)
+{
+    const float *v = p->v;
+    bool result = true;
+    switch ((ht_misfit)misfit) {
+    case HT_MISFIT_SHORT_KIND:
+        result = v[HT_P_machine] != 0.0f;
+        break;
+    case HT_MISFIT_SHORT_BEARS:
+        result = (v[HT_P_machine] == 0.0f) || (v[HT_P_magnets_bear_A] >= ht_misfit_short_A(p));
+        break;
+    case HT_MISFIT_SHORT_SEEN:
+    default:
+        result = v[HT_P_magnets_bear_A] <= SEEN_SHARE * v[HT_P_i_full_A];
         break;
     }
     return result;
@@ -267,6 +308,11 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         break;
     case HT_MISFIT_LEAST_LOSS:
         result = (v[HT_P_machine] == 0.0f) || (v[HT_P_flux_least_loss] == 0.0f);
+        break;
+    case HT_MISFIT_SHORT_KIND:
+    case HT_MISFIT_SHORT_BEARS:
+    case HT_MISFIT_SHORT_SEEN:
+        result = (v[HT_P_trip_state] == 0.0f) || short_fits(p, misfit);
         break;
     default:
         result = in_order(v, &table[misfit - 1u]);

@@ -42,6 +42,9 @@ float ht_misfit_heat_per_s(const ht_params *p);
 /** Least `stop_s`: what the ramps take from `speed_trip_rpm` down; 0 without a ramp. */
 float ht_misfit_stop_s(const ht_params *p);
 
+/** With magnets: largest current of a short circuit of all legs, A, just beyond `speed_trip_rpm`. */
+float ht_misfit_short_A(const ht_params *p);
+
 /** The first misfit of parameters that are each in range. */
 ht_misfit ht_misfit_of(const ht_params *p, float pwm_clock_Hz);
 

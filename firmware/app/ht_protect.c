@@ -85,6 +85,9 @@ uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st, co
     return 0u;
 }
 
+/* Of the slow mean: an encoder that shows half of its counts moves the two means 0.39 of it apart. */
+#define LEAST_CHANGE 0.3f
+
 uint16_t ht_protect_encoder(const ht_protect_config *cfg, ht_protect_state *st, float moved)
 {
     float away;
@@ -92,7 +95,7 @@ uint16_t ht_protect_encoder(const ht_protect_config *cfg, ht_protect_state *st, 
     st->counts_slow += cfg->counts_slow * (moved - st->counts_slow);
     away = fabsf(st->counts_quick - st->counts_slow);
     if ((cfg->most_counts > 0.0f) && (away > cfg->most_counts)
-        && (away > 0.5f * fabsf(st->counts_slow))) {
+        && (away > LEAST_CHANGE * fabsf(st->counts_slow))) {
         return HT_FAULT_ENCODER;
     }
     return 0u;

@@ -71,7 +71,7 @@ uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st, co
 #define HT_STUCK_LOOKS 50u
 
 /** With magnets, in each fast interrupt: `moved` counts of the encoder in the last period. No shaft
- *  changes its speed by half, and by `encoder_trip_rpm`, within the time between the two means. The
+ *  changes its speed by 30 %, and by `encoder_trip_rpm`, within the time between the two means. The
  *  magnets' field follows the encoder, so the flux's speed tells nothing about it. */
 uint16_t ht_protect_encoder(const ht_protect_config *cfg, ht_protect_state *st, float moved);
 

@@ -306,6 +306,9 @@ static ht_result may_write(const ht_store *s, const ht_drive *d, ht_copy *copies
     if ((d->state != (uint16_t)HT_STATE_IDLE) && (d->state != (uint16_t)HT_STATE_FAULT)) {
         return HT_ERROR_STATE;
     }
+    if (d->short_circuit.on != 0u) {
+        return HT_ERROR_SHORT_CIRCUIT; /* writing takes the gates off */
+    }
     area = look_at_all(&s->port, copies);
     *first = (area == 0u) ? 1u : 0u; /* not the latest: that one stays until this one is whole */
     return HT_OK;

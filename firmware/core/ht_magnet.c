@@ -14,6 +14,12 @@
 #define LEAST_SLOPE 0.2f
 /* Of the largest torque at a flux: beyond it the torque falls again. */
 #define PULL_OUT 0.9f
+#define ROOT_3 1.73205081f
+/* A short circuit's current is followed over an electrical turn, in which it is the largest. A step is no
+ * longer than this share of L_d/R_s. */
+#define SHORT_STEPS 128
+#define SHORT_STEP_RAD (6.2831853f / (float)SHORT_STEPS)
+#define SHORT_STEP_TIMES 0.25f
 /* Over the largest torque of a voltage: below this there is none. */
 #define LEAST_DRIVEN 1.0e-9f
 
@@ -165,4 +171,56 @@ float ht_magnet_most_Nm(const ht_magnet_config *m, float i_A, float flux_Wb)
     }
     torque_Nm = m->torque_gain * (m->psi_f_Wb + m->saliency_H * i.d) * i.q;
     return (torque_Nm < most_Nm) ? torque_Nm : most_Nm;
+}
+
+float ht_magnet_terminal_Wb(float psi_f_Wb, float share5, float share7)
+{
+    return ROOT_3 * psi_f_Wb * (1.0f + fabsf(share5) + fabsf(share7));
+}
+
+/* Slopes of both currents: L_d i_d' = omega L_q i_q - R i_d, L_q i_q' = -omega (L_d i_d + psi_f) - R i_q. */
+static ht_dq shorted_slope(const ht_magnet_config *m, float rs_ohm, float omega_rad_s, ht_dq i)
+{
+    ht_dq k;
+    k.d = (omega_rad_s * m->lq_H * i.q - rs_ohm * i.d) * m->inv_ld;
+    k.q = (-omega_rad_s * (m->ld_H * i.d + m->psi_f_Wb) - rs_ohm * i.q) / m->lq_H;
+    return k;
+}
+
+/* A step of second order. */
+ht_dq ht_magnet_shorted(const ht_magnet_config *m, float rs_ohm, float omega_rad_s, float dt_s,
+                        ht_dq i_A)
+{
+    ht_dq k = shorted_slope(m, rs_ohm, omega_rad_s, i_A);
+    ht_dq half = {i_A.d + 0.5f * dt_s * k.d, i_A.q + 0.5f * dt_s * k.q};
+    k = shorted_slope(m, rs_ohm, omega_rad_s, half);
+    i_A.d += dt_s * k.d;
+    i_A.q += dt_s * k.q;
+    return i_A;
+}
+
+/* Square of the largest current, from this one across the d axis on. */
+static float shorted_A2(const ht_magnet_config *m, float rs_ohm, float omega_rad_s, float across_A)
+{
+    float dt_s = SHORT_STEP_RAD / omega_rad_s;
+    ht_dq i = {0.0f, across_A};
+    float most = across_A * across_A;
+    int n;
+    if (dt_s * rs_ohm > SHORT_STEP_TIMES * m->ld_H) {
+        dt_s = SHORT_STEP_TIMES * m->ld_H / rs_ohm;
+    }
+    for (n = 0; n < SHORT_STEPS; n++) {
+        float size;
+        i = ht_magnet_shorted(m, rs_ohm, omega_rad_s, dt_s, i);
+        size = i.d * i.d + i.q * i.q;
+        most = (size > most) ? size : most;
+    }
+    return most;
+}
+
+float ht_magnet_short_A(const ht_magnet_config *m, float rs_ohm, float omega_rad_s, float across_A)
+{
+    float one = shorted_A2(m, rs_ohm, omega_rad_s, across_A);
+    float other = shorted_A2(m, rs_ohm, omega_rad_s, -across_A);
+    return sqrtf((one > other) ? one : other);
 }

@@ -60,6 +60,19 @@ float ht_magnet_turned_Wb(float reach_V, float omega_rad_s, float rs_ohm, float 
  *  drives and negative where it brakes: then it is endless. */
 float ht_magnet_driven_Nm(float reach_V, float omega_rad_s, float rs_ohm, float torque_gain);
 
+/** Flux that its largest voltage between two terminals has, over the electrical speed: with the fundamental
+ *  `psi_f_Wb`, and the shares of the harmonics at their worst. */
+float ht_magnet_terminal_Wb(float psi_f_Wb, float share5, float share7);
+
+/** The current `dt_s` later, a small part of a turn, while all terminals are connected. */
+ht_dq ht_magnet_shorted(const ht_magnet_config *m, float rs_ohm, float omega_rad_s, float dt_s,
+                        ht_dq i_A);
+
+/** Largest current, amplitude, once all terminals are connected at this electrical speed while the machine
+ *  carries `across_A` across the d axis, of either sign: i_d swings to about -2 psi_f/L_d where R_s is
+ *  small, and settles near -psi_f/L_d. */
+float ht_magnet_short_A(const ht_magnet_config *m, float rs_ohm, float omega_rad_s, float across_A);
+
 /** Largest torque with a current of `i_A` at most and a stator flux of `flux_Wb` at most. */
 float ht_magnet_most_Nm(const ht_magnet_config *m, float i_A, float flux_Wb);
 

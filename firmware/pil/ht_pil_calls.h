@@ -34,7 +34,8 @@ enum {
     HT_CALL_INTERRUPT_LOST = 14, /**< answer */
     HT_CALL_COUNTS = 15,         /**< answer, a number */
     HT_CALL_TRIP_LEVELS = 16,    /**< low of each channel, high of each channel */
-    HT_CALL_BEYOND = 17          /**< answer, channels */
+    HT_CALL_BEYOND = 17,         /**< answer, channels */
+    HT_CALL_SHORT_CIRCUIT = 18
 };
 
 /** The hardware's fixed properties. They come with INIT. */

@@ -7,7 +7,7 @@
  *    the PWM counters running together; the slow interrupt's timer runs as well.
  *  - `ht_port_dead_range` and `ht_port_min_pulse_us` at any time, from anywhere: they touch no
  *    register.
- *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`,
+ *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`, `ht_port_short_circuit`,
  *    `ht_port_gates_on`, `ht_port_leg_off`, `ht_port_tripped`, `ht_port_leg_tripped`,
  *    `ht_port_interrupt_lost`, `ht_port_beyond`, `ht_port_counts`, `ht_port_overrun`,
  *    `ht_port_ack_fast` from the fast interrupt only (`ht_port_read` from the set-up as well, and from the slow interrupt when no fast one comes any
@@ -15,7 +15,7 @@
  *    register accesses.
  *  - `ht_port_read_capture` from the slow interrupt only, which the fast one may
  *    interrupt. It clears the flags that it reports.
- *  - `ht_port_gates_off` also from anywhere else: it is a single register write
+ *  - `ht_port_gates_off` also from anywhere else: it is two register writes
  *    per leg and is idempotent.
  *  - `ht_port_trip_levels` from the fast interrupt, and from the set-up with all gates off.
  *  - `ht_port_trip_pin_low` from anywhere: one register read.
@@ -97,6 +97,11 @@ void ht_port_write(ht_port *port, const ht_compare *pattern);
 
 /** All gates off at once, latched until `ht_port_gates_on`. */
 void ht_port_gates_off(ht_port *port);
+
+/** The lower switches of all legs on and the upper ones off, latched until `ht_port_gates_off` or a reset:
+ *  the trip zone forces them, so that no code, no pattern and no other trip changes it. The gates must have
+ *  been off for longer than the dead time. */
+void ht_port_short_circuit(ht_port *port);
 
 /** Gates of one leg off, latched until `ht_port_gates_on` releases it. The others go on. */
 void ht_port_leg_off(ht_port *port, uint16_t leg);

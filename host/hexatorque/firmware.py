@@ -321,11 +321,18 @@ def _least_winding_s(value_of: Callable[[str], Any]) -> float:
     return 1 / left if left > 0 else math.inf
 
 
+def _least_short_A(value_of: Callable[[str], Any]) -> float:
+    """Largest current of the short circuit of all legs, which the magnets must bear."""
+    values = [row.parse(value_of(name)) for name, row in parameters().items()]
+    return float(lib.ht_misfit_short_A(ffi.new("ht_params *", [values])))
+
+
 #: The same with its least value.
 _LEAST: dict[int, Callable[[Callable[[str], Any]], float]] = {
     lib.HT_MISFIT_VDC_BAND: _least_band_V,
     lib.HT_MISFIT_STOP_TIME: _least_stop_s,
     lib.HT_MISFIT_HEAT_TIMES: _least_winding_s,
+    lib.HT_MISFIT_SHORT_BEARS: _least_short_A,
 }
 
 

@@ -276,6 +276,9 @@ static bool make_call(ht_link *l, ht_reader *r)
     case HT_CALL_GATES_OFF:
         ht_port_gates_off(&l->port);
         return true;
+    case HT_CALL_SHORT_CIRCUIT:
+        ht_port_short_circuit(&l->port);
+        return true;
     case HT_CALL_GATES_ON:
         leg = ht_read16(r);
         return ht_port_gates_on(&l->port, leg) == (ht_read16(r) != 0u);

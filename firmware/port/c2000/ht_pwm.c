@@ -32,6 +32,9 @@
 /* TZCTL: what a trip does to both outputs */
 #define TZCTL_BOTH_LOW 0x000Au
 #define TZCTL_BOTH_HIGH 0x0005u
+/* ... where the lower switch, output B, is to be on and the upper one, output A, off */
+#define TZCTL_A_LOW_B_HIGH 0x0006u
+#define TZCTL_A_HIGH_B_LOW 0x0009u
 /* ... and the dead-man timer's pulse to output A while it lasts: after reset it would float */
 #define TZCTL_DCAEVT1_LOW 0x0020u
 #define TZCTL_DCAEVT1_HIGH 0x0010u
@@ -47,23 +50,35 @@
 #define ETSEL_SOCA_CTR0 0x0900u
 #define ETPS_SOCA_EVERY 0x0100u
 
+/* What a trip does to the outputs of a leg: both switches off, or in the short circuit the lower one on.
+ * The pulse of the dead-man timer and the comparators' trip act on outputs as well; TZA and TZB, which
+ * the latch applies, count before them. */
+static uint16_t trip_action(const ht_port *port, bool shorted)
+{
+    bool low = port->board->gates_active_low;
+    uint16_t action = low ? TZCTL_BOTH_HIGH : TZCTL_BOTH_LOW;
+    if (shorted) {
+        action = low ? TZCTL_A_HIGH_B_LOW : TZCTL_A_LOW_B_HIGH;
+    }
+    if (port->map->ecap != 0u) {
+        action |= low ? TZCTL_DCAEVT1_HIGH : TZCTL_DCAEVT1_LOW;
+    }
+    if (port->map->cmpss != 0u) {
+        action |= low ? TZCTL_DCBEVT1_HIGH : TZCTL_DCBEVT1_LOW;
+    }
+    return action;
+}
+
 static void start_module(ht_port *port, uint32_t base, bool first, const ht_pwm_setup *setup)
 {
     const ht_c2000_map *m = port->map;
     ht_io *io = port->io;
     uint16_t never = setup->period_counts;
     bool low = port->board->gates_active_low;
-    uint16_t off = low ? TZCTL_BOTH_HIGH : TZCTL_BOTH_LOW;
-    if (m->ecap != 0u) {
-        off |= low ? TZCTL_DCAEVT1_HIGH : TZCTL_DCAEVT1_LOW;
-    }
-    if (m->cmpss != 0u) {
-        off |= low ? TZCTL_DCBEVT1_HIGH : TZCTL_DCBEVT1_LOW;
-    }
 
     /* Trip first: the switches stay off through everything that follows. */
     HT_EALLOW(io);
-    HT_WR16(io, base + m->tzctl, off);
+    HT_WR16(io, base + m->tzctl, trip_action(port, false));
     HT_WR16(io, base + m->tzfrc, TZ_OST);
     HT_WR16(io, base + m->tzsel, m->one_shot);
     HT_EDIS(io);
@@ -139,14 +154,27 @@ uint16_t ht_port_counts(const ht_port *port)
     return HT_RD16(port->io, port->counter);
 }
 
-void ht_port_gates_off(ht_port *port)
+/* Latch all legs. First what a latch does: a leg that controls does not mind, and one that is latched
+ * already has it at once. */
+static void latch(ht_port *port, uint16_t action)
 {
     uint16_t leg;
     HT_EALLOW(port->io);
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        HT_WR16(port->io, port->leg[leg] + port->map->tzctl, action);
         HT_WR16(port->io, port->leg[leg] + port->map->tzfrc, TZ_OST);
     }
     HT_EDIS(port->io);
+}
+
+void ht_port_gates_off(ht_port *port)
+{
+    latch(port, trip_action(port, false));
+}
+
+void ht_port_short_circuit(ht_port *port)
+{
+    latch(port, trip_action(port, true));
 }
 
 void ht_port_leg_off(ht_port *port, uint16_t leg)

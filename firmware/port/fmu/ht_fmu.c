@@ -185,9 +185,18 @@ static double duty_of(const ht_fmu_state *s, uint16_t leg)
     return (starts_high(s, leg) ? (period - other) : other) / period;
 }
 
+/* The short circuit of all legs as a pattern: gates enabled, low all the time. */
+static double shorted(uint32_t row)
+{
+    return (row <= HT_FMU_START_LAST) ? (double)0.0f : (double)1.0f;
+}
+
 static double output(const ht_fmu_state *s, uint32_t row)
 {
     const ht_c2000_map *m = s->port.map;
+    if ((row <= HT_FMU_GATE_LAST) && (s->drive.short_circuit.on != 0u)) {
+        return shorted(row);
+    }
     if (row <= HT_FMU_DUTY_LAST) {
         return duty_of(s, (uint16_t)(row - HT_FMU_DUTY));
     }

@@ -30,7 +30,7 @@ static const ht_register epwm[] = {
     REG("TZSEL", 0x12u, 0u, 0x3F3Fu, HT_PLAIN, HT_EALLOWED | HT_SET_UP, 0u,
         "13 OSHT6, 12 OSHT5, 11 OSHT4, 10 OSHT3, 9 OSHT2, 8 OSHT1, 5 CBC6, 4 CBC5, 3 CBC4, 2 CBC3, "
         "1 CBC2, 0 CBC1"),
-    REG("TZCTL", 0x14u, 0u, 0x000Fu, HT_PLAIN, HT_EALLOWED | HT_TRIP_SET_UP, 0u,
+    REG("TZCTL", 0x14u, 0u, 0x000Fu, HT_PLAIN, HT_EALLOWED | HT_TRIP_ACTION, 0u,
         "3-2 TZB, 1-0 TZA"),
     REG("TZEINT", 0x15u, 0u, 0x0006u, HT_PLAIN, HT_EALLOWED, 0u, "2 OST, 1 CBC"),
     REG("TZFLG", 0x16u, 0u, 0u, HT_READ_ONLY, 0u, 0u, "2 OST, 1 CBC, 0 INT"),

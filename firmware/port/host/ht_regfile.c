@@ -251,6 +251,8 @@ static void check_set_up(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint3
     } else if (((b->reg->flags & HT_SET_UP) != 0u)
                && ((ht_model_peek(rf, b->base + rf->chip->tzflg, 16u) & TZ_OST) == 0u)) {
         ht_model_violation(rf, addr, value, HT_REG_ORDER, "the module is not tripped");
+    } else if (((b->reg->flags & HT_TRIP_ACTION) != 0u) && (ht_model_counting(rf) != 0u)) {
+        ht_model_check_action(rf, b->base, addr, value);
     } else {
         /* fine */
     }

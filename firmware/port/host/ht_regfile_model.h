@@ -31,6 +31,8 @@ void ht_model_ecap_out(ht_regfile *rf);
 void ht_model_check_off(ht_regfile *rf, uint32_t addr, uint32_t value, const char *why);
 /** TZCLR of the module at `base` is about to be written. */
 void ht_model_check_clear(ht_regfile *rf, uint32_t base, uint32_t addr, uint32_t value);
+/** TZCTL of the module at `base` is about to be written while the counters run. */
+void ht_model_check_action(ht_regfile *rf, uint32_t base, uint32_t addr, uint32_t value);
 /** A set-up register of the module at `base` has been written. */
 void ht_model_check_dead_time(ht_regfile *rf, uint32_t base, uint32_t addr, uint32_t value);
 

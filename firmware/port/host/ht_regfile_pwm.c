@@ -121,6 +121,26 @@ void ht_model_check_pin(ht_regfile *rf, uint32_t addr, uint32_t value, int32_t m
     }
 }
 
+/* TZCTL while the counters run. A trip may switch both gates off. It may switch the lower one on if the
+ * module is tripped already, and neither an upper one nor both. What the digital compares do stays. */
+void ht_model_check_action(ht_regfile *rf, uint32_t base, uint32_t addr, uint32_t value)
+{
+    uint32_t off = (rf->gates_active_low != 0u) ? 0x0005u : 0x000Au;
+    uint32_t lower = (rf->gates_active_low != 0u) ? 0x0009u : 0x0006u;
+    uint32_t before = of_module(rf, base, rf->chip->tzctl);
+    if (((value ^ before) & 0xFFF0u) != 0u) {
+        order(rf, addr, value, "the digital compares' actions change while the PWM counters run");
+    } else if ((value & 0x000Fu) == off) {
+        /* safe */
+    } else if ((value & 0x000Fu) != lower) {
+        order(rf, addr, value, "a trip that switches an upper gate on, or lets one float");
+    } else if ((of_module(rf, base, rf->chip->tzflg) & TZ_OST) == 0u) {
+        order(rf, addr, value, "a trip that switches on, at a module that is not tripped");
+    } else {
+        /* safe */
+    }
+}
+
 void ht_model_check_dead_time(ht_regfile *rf, uint32_t base, uint32_t addr, uint32_t value)
 {
     uint32_t offset = addr - base;
@@ -340,11 +360,15 @@ void ht_regfile_emulation_stops(ht_regfile *rf)
 
 void ht_model_check_clear(ht_regfile *rf, uint32_t base, uint32_t addr, uint32_t value)
 {
+    uint32_t off = (rf->gates_active_low != 0u) ? 0x0005u : 0x000Au; /* both high, both low */
     if ((value & TZ_OST) == 0u) {
         return;
     }
     if ((trip_pin_low(rf) != 0u) && ((of_module(rf, base, rf->chip->tzsel) & OSHT1) != 0u)) {
         order(rf, addr, value, "trip cleared while its pin is low");
+    }
+    if ((has_pin(rf, base) != 0u) && ((of_module(rf, base, rf->chip->tzctl) & 0x000Fu) != off)) {
+        order(rf, addr, value, "trip cleared at a module whose trip does not switch off");
     }
     if ((has_pin(rf, base) != 0u) && (without_dead_band(rf, base) != 0u)) {
         order(rf, addr, value, "trip cleared at a module without dead band");

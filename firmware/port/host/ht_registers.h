@@ -54,6 +54,7 @@ typedef enum {
 #define HT_EALLOWED 0x0001u    /**< protected: needs EALLOW */
 #define HT_SET_UP 0x0002u      /**< ePWM: counters stopped and the module tripped */
 #define HT_TRIP_SET_UP 0x0004u /**< ePWM: counters stopped */
+#define HT_TRIP_ACTION 0x0008u /**< ePWM: TZCTL (ht_model_check_action) */
 
 typedef struct {
     const char *name;

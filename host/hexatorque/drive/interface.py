@@ -266,8 +266,15 @@ class DriveVerbs(ABC):
                 raise SetupError(
                     f"profile: speed reference {asked_rpm:g} r/min at {time_s:g} s: allowed range "
                     f"is -{trip_rpm:g} .. {trip_rpm:g} r/min, both excluded: there the drive "
-                    "trips (speed_trip_rpm)"
+                    f"trips (speed_trip_rpm{self._why_so_low()})"
                 )
+
+    def _why_so_low(self) -> str:
+        """Magnets may be why the speed trip is no higher."""
+        wanted = {"machine": "magnet", "trip_state": "gates-off"}
+        if any(n not in self.params or self.get(n) != value for n, value in wanted.items()):
+            return ""
+        return ": above it the magnets would rectify without gates, unless trip_state permits it"
 
     def break_leg(self, phase: str, kind: str, after_s: float = 0.0) -> None:
         """Break the leg of a phase in `after_s` seconds. Only a simulated drive can."""

@@ -43,18 +43,27 @@ F_SLOW_HZ = (100.0, 200.0, 500.0, 1000.0)
 #: No-load current over rated current where no flux is stated: the median of the published machines.
 #: Too much flux saturates a machine, too little costs current.
 NO_LOAD_SHARE = 0.4
-#: A load that is asked for is at most this share of the pull-out torque.
-ASKED_OF_PULL_OUT = 0.5
+#: A load that is asked for is at most the second share of the pull-out torque; the first one where
+#: the voltage turns such a flux at the load's speed. Near pull-out a leakage and an R_r that are
+#: 30 % off make the torque so wrong that the torque limit does not carry the load at low speed.
+ASKED_OF_PULL_OUT, MOST_OF_PULL_OUT = 0.4, 0.5
+#: And at least this one, as of nine in ten published machines: of more flux a machine with little
+#: no-load current has no use, and it saturates.
+LEAST_OF_PULL_OUT = 0.2
 #: Torque limit over rated torque.
 LIMIT_PER_RATED = 1.5
 #: And over the pull-out torque, if that leaves the rated torque: a leakage that is a quarter larger
 #: and a flux that is 8 % smaller than believed leave 0.65 of it.
 LIMIT_PER_PULL_OUT = 0.65
 LEAST_NM, MOST_NM = range_of("torque_limit_Nm")
-#: By this share of rated speed the shaft may run away when the rated load drops.
-RUNAWAY = 0.3
+#: By this share of rated speed the shaft may run away when the rated load drops; and by the second
+#: one it may where the inertia is an estimate: a stiffer loop has no use, and none is stable on a
+#: shaft that is as many times lighter.
+RUNAWAY, STIFFEST = 0.3, 0.03
 #: The stator resistance in use may be so far off, where the speed does not let it adapt.
 RESISTANCE_OFF = 0.15
+#: An error of the rotor's resistance shows in its flux after its time constant.
+ADAPT_S, ADAPT_PER_ROTOR = 1.0, 2.0
 #: L_m at the flux reference over one that is told or estimated: unsaturated, a machine has 1.1 to
 #: 1.8 times as much as at its rated flux. The magnetising current is then as many times smaller.
 MORE_MAIN = 1.5
@@ -182,9 +191,22 @@ def _flux_ref_Wb(k: Known) -> float:
     stated = k.setup["rated.flux_Wb"]
     if stated > 0:
         return stated
+
+    def pulled_Wb(share: float) -> float:
+        """The flux at which the load is this share of the pull-out torque."""
+        return math.sqrt(k.asked_Nm / (share * m.pull_out_Nm(1.0)))
+
+    def turned_Wb(speed_rpm: float) -> float:
+        if speed_rpm == 0:
+            return math.inf
+        return 0.9 * USABLE * REACH_PU * k.vdc_V / (m.pole_pairs * rad_s(speed_rpm))
+
+    loaded_rpm = max((one.speed_rpm for one in k.asked), default=0.0)
     # What is asked for may need more: at low speed the voltage lets it, on the way up the field is
     # weakened.
-    needed_Wb = math.sqrt(k.asked_Nm / (ASKED_OF_PULL_OUT * m.pull_out_Nm(1.0)))
+    needed_Wb = max(
+        pulled_Wb(MOST_OF_PULL_OUT), min(pulled_Wb(ASKED_OF_PULL_OUT), turned_Wb(loaded_rpm))
+    )
     limits = [0.2 * k.setup["sensors.i_full_A"] * m.ls_H]
     if k.setup["rated.current_A"] > 0:
         by_current_Wb = NO_LOAD_SHARE * math.sqrt(2) * k.setup["rated.current_A"] * m.ls_H
@@ -193,13 +215,13 @@ def _flux_ref_Wb(k: Known) -> float:
         # The no-load current has the same share of the current at this load.
         across = math.sqrt(1 / NO_LOAD_SHARE**2 - 1)
         by_load_Wb = math.sqrt(k.asked_Nm * m.ls_H / (3 * m.pole_pairs * across))
-        limits.append(max(by_load_Wb, needed_Wb))
+        limits.append(max(min(by_load_Wb, pulled_Wb(LEAST_OF_PULL_OUT)), needed_Wb))
     if m.psi_knee_Wb > 0:
         limits.append(0.8 * m.psi_knee_Wb)
-    speed_rpm = k.setup["rated.speed_rpm"] or k.asked_rpm
-    if speed_rpm > 0:
-        turned_Wb = 0.9 * USABLE * REACH_PU * k.vdc_V / (m.pole_pairs * rad_s(speed_rpm))
-        limits.append(turned_Wb if k.setup["rated.speed_rpm"] else max(turned_Wb, needed_Wb))
+    if k.setup["rated.speed_rpm"] > 0:
+        limits.append(turned_Wb(k.setup["rated.speed_rpm"]))
+    else:
+        limits.append(max(turned_Wb(k.asked_rpm), needed_Wb))
     return min(max(min(limits), 0.002), 40.0)
 
 
@@ -252,7 +274,10 @@ def _f_slow_Hz(k: Known) -> float:
 def _loop_rad_s(k: Known) -> float:
     """Corner of the speed loop."""
     f_slow_Hz: float = k["f_slow_Hz"]
-    return corner_rad_s(min(f_slow_Hz, _stiff_Hz(k)) if _estimated_inertia(k) else f_slow_Hz)
+    if not _estimated_inertia(k):
+        return corner_rad_s(f_slow_Hz)
+    corner, rise_rpm = corner_rad_s(min(f_slow_Hz, _stiff_Hz(k))), STIFFEST * k.rated_rpm
+    return min(corner, k.runaway_rpm(1.0) / rise_rpm) if rise_rpm > 0 else corner
 
 
 def _torque_limit_Nm(k: Known) -> float:
@@ -314,9 +339,10 @@ OPEN: dict[str, Rule] = {
     "flux_ref_Wb": Rule(
         "rated.flux_Wb; without it the least of: 20 % of the sensors' range times L_s, 40 % of "
         "rated.current_A times L_s (without it, of the current at the largest load of point and "
-        "profile), 80 % of psi_knee_Wb, 90 % of what the usable voltage turns at rated.speed_rpm "
-        "(without it, at the fastest speed of point and profile); the second and the last are as "
-        "much as this load needs",
+        "profile, or what makes this load 20 % of the pull-out torque), 80 % of psi_knee_Wb, 90 % "
+        "of what the usable voltage turns at rated.speed_rpm (without it, at the fastest speed of "
+        "point and profile); the second and the last are as much as makes this load half of the "
+        "pull-out torque; 40 % if the voltage turns that at the fastest speed with a load",
         _flux_ref_Wb,
     ),
     "flux_min_Wb": Rule("20 % of flux_ref_Wb", lambda k: 0.2 * k.flux_Wb),
@@ -356,7 +382,8 @@ OPEN: dict[str, Rule] = {
     ),
     "kp_speed_Nms_rad": Rule(
         "inertia times the loop's corner, 2 pi f_slow_Hz / 30; where it is an estimate 2 pi / 30 "
-        "times the frequency that suffices",
+        "times the frequency that suffices, but at most what lets the shaft run away by 3 % of "
+        "rated speed when the rated load drops",
         lambda k: min(k.machine.inertia_kgm2 * _loop_rad_s(k), 1e5),
     ),
     "ki_speed_Nm_rad": Rule(
@@ -375,6 +402,11 @@ OPEN: dict[str, Rule] = {
         "3 times (dead-time voltage / 2 pi flux) times (current step of one period / no-load "
         "current), 2 .. 10 Hz: the rebuilt voltage is the worse the more the current ripples",
         _crossover_Hz,
+    ),
+    "adapt_s": Rule(
+        "twice L_r/R_r, 1 s at least: until then the fluxes of the two models do not tell what is "
+        "wrong",
+        lambda k: min(max(ADAPT_S, ADAPT_PER_ROTOR * k.rotor_s), 1000.0),
     ),
     "i_trip_A": Rule(
         "85 % of the sensors' range", lambda k: I_TRIP_SHARE * k.setup["sensors.i_full_A"]
@@ -425,7 +457,7 @@ OPEN: dict[str, Rule] = {
 #: Rules that a rotor with magnets has no use for.
 OF_A_WINDING = (
     "rr_ohm", "lr_H", "lm_H", "sigma_ls_H", "flux_hold",
-    "iron_hysteresis_A_Wb", "iron_eddy_S", "flux_reserve_Nm",
+    "iron_hysteresis_A_Wb", "iron_eddy_S", "flux_reserve_Nm", "adapt_s",
 )  # fmt: skip
 
 #: What the controller is told of a machine with magnets.
@@ -500,6 +532,8 @@ def _jump_rpm(k: Known) -> float:
 
 def _magnet_speed_trip_rpm(k: Known) -> float:
     wanted = max(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 1.2 * k.asked_rpm)
+    if k["trip_state"] == "short-circuit":
+        return min(wanted, 9e4)
     return min(wanted, BELOW_CEILING * k.machine.ceiling_rpm(k.vdc_V), 9e4)
 
 
@@ -547,7 +581,7 @@ OPEN_MAGNET: dict[str, Rule] = {
     ),
     "speed_trip_rpm": Rule(
         "as of an induction machine, but at most 98 % of the speed at which the magnets induce Vdc "
-        "between two terminals",
+        "between two terminals, unless trip_state is short-circuit",
         _magnet_speed_trip_rpm,
     ),
 }

@@ -136,9 +136,8 @@ class Design:
         return max(abs(value) for value in (self.setup["point.load_Nm"], *(v for _, v in steps)))
 
     @cached_property
-    def demands(self) -> list[Demand]:
-        """What is asked for together: the point and each moment of the profile; rated speed and
-        torque if the speed is stated, or if nothing is asked."""
+    def asked(self) -> list[Demand]:
+        """What is asked for together, with a load: the point and each moment of the profile."""
         profile = self.setup.profile
         courses = ((profile.speed_rpm, 0.0), (profile.load_Nm, 0.0), (profile.vdc_V, self.vdc_V))
         together = [
@@ -149,10 +148,14 @@ class Design:
         ]
         speed_rpm, load_Nm = (abs(self.setup[f"point.{key}"]) for key in ("speed_rpm", "load_Nm"))
         together.append(Demand(speed_rpm, load_Nm, self.vdc_V))
-        asked = [one for one in together if one.load_Nm > 0]
-        if self.setup["rated.speed_rpm"] > 0 or not asked:
-            asked.append(Demand(self.rated_rpm, self.rated_Nm, self.vdc_V))
-        return asked
+        return [one for one in together if one.load_Nm > 0]
+
+    @cached_property
+    def demands(self) -> list[Demand]:
+        """The same; and rated speed and torque if the speed is stated, or if nothing is asked."""
+        if self.setup["rated.speed_rpm"] > 0 or not self.asked:
+            return [*self.asked, Demand(self.rated_rpm, self.rated_Nm, self.vdc_V)]
+        return self.asked
 
     @cached_property
     def rated_Nm(self) -> float:

@@ -622,12 +622,21 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
         "L_d over L_q", m.ld_H / m.lq_H, 1.0, "",
         "the d axis is the magnets' north pole: are machine.ld_H and machine.lq_H exchanged?",
     )  # fmt: skip
+    if _short_circuits(d):
+        yield _told(
+            "speed from which on the trip state is a short circuit", m.ceiling_rpm(d.vdc_V), "r/min"
+        )
+        return
     yield at_most(
         "speed trip against the speed at which the magnets drive current without gates",
         p("speed_trip_rpm"), m.ceiling_rpm(d.vdc_V), "r/min",
-        "lower controller.speed_trip_rpm, or raise inverter.vdc_V: the gates could not end the "
-        "current",
+        "lower controller.speed_trip_rpm, raise inverter.vdc_V, or permit the short circuit "
+        "(controller.trip_state): the gates could not end the current",
     )  # fmt: skip
+
+
+def _short_circuits(d: Design) -> bool:
+    return bool(d.magnets and d.parameter("trip_state") == "short-circuit")
 
 
 def _currents_of_magnets(d: Design) -> Iterator[Finding]:
@@ -689,8 +698,12 @@ def _speed(d: Design) -> Iterator[Finding]:
     most_rpm = 0.95 * p("speed_trip_rpm")
 
     def raised(speed_rpm: float) -> str:
-        if d.magnets and speed_rpm > 0.95 * d.machine.ceiling_rpm(d.vdc_V):
-            return "raise inverter.vdc_V: without gates the magnets would drive current"
+        above = d.magnets and speed_rpm > 0.95 * d.machine.ceiling_rpm(d.vdc_V)
+        if above and not _short_circuits(d):
+            return (
+                "raise inverter.vdc_V, or permit the short circuit (controller.trip_state): "
+                "without gates the magnets would drive current"
+            )
         return "raise controller.speed_trip_rpm"
 
     yield at_most(
@@ -703,7 +716,7 @@ def _speed(d: Design) -> Iterator[Finding]:
     corner_rad_s = p("kp_speed_Nms_rad") / d.machine.inertia_kgm2
     if corner_rad_s > 0:
         rise_rpm = d.runaway_rpm(corner_rad_s)
-        if d.magnets:  # nothing may flow beyond the trip
+        if d.magnets and not _short_circuits(d):  # nothing may flow beyond the trip
             rise_rpm /= LEAST_INERTIA
         yield at_most(
             "speed when the rated load drops", d.rated_rpm + rise_rpm,

@@ -426,13 +426,18 @@ def test_the_current_magnitude_trips_although_no_phase_does(bench):
     assert not bench.gates_on
 
 
-def turn(bench, rpm):
-    """Encoder counts of one slow period at `rpm`, then the slow interrupt."""
+def count(bench, rpm):
+    """Encoder counts of one slow period at `rpm`."""
     words, address = bench.words, QPOSCNT[bench.device]
     now = int(words[address]) + (int(words[address + 1]) << 16)
     now = (now + round(rpm / 60 * 8192 / 100)) & 0xFFFFFFFF
     words[address], words[address + 1] = now & 0xFFFF, now >> 16
     bench.fast()
+
+
+def turn(bench, rpm):
+    """The same, then the slow interrupt."""
+    count(bench, rpm)
     bench.slow()
 
 
@@ -1645,6 +1650,26 @@ def test_field_weakening_leaves_the_voltage_that_the_current_takes(bench, angle_
     assert flux.flux_min_Wb < wanted < 0.6
     off = 0.04 * flux.rs_ohm * 8.0 / omega + 1e-3 * wanted  # and the converter's resolution
     assert drive.flux_ref_Wb == pytest.approx(wanted, abs=off)
+
+
+@pytest.mark.parametrize("sign", (1, -1))
+@pytest.mark.parametrize("share", (1.1, 0.97, 0.8, 0.0, -0.5))
+def test_a_step_of_the_torque_does_not_raise_a_weakened_flux(bench, sign, share):
+    """While the torque falls, the flux turns more slowly than the shaft, or back. A machine that
+    brakes has a slip of 5 % at most: what is slower than that passes at once, and the flux that it
+    would let be needs more voltage afterwards than there is."""
+    bench.controller.set("field_weakening", "on")
+    bench.controller.set("sigma_ls_H", 0.05)
+    bench.run_to("run").fast()
+    count(bench, sign * 2000.0)
+    drive, shaft = bench.drive, sign * 2 * 2000 * np.pi / 30
+    drive.control.observer.i_A = [0.0, 0.0]
+    drive.control.observer.omega_sync_rad_s = share * shaft
+    bench.slow()
+    assert drive.speed_rpm == pytest.approx(sign * 2000, rel=0.005)
+    wanted = drive.config.flux.reach_pu * bench.vdc / (abs(shaft) * max(0.95, abs(share)))
+    assert 0.1 < wanted < 0.6
+    assert drive.flux_ref_Wb == pytest.approx(wanted, rel=0.01)
 
 
 # --- a shaft that is caught ----------------------------------------------------------------

@@ -118,6 +118,19 @@ CASES = {
         {"winding_K_W": 0.5, "winding_s": 0.05},
         "winding_s = 0.05 s, frame_s = 1800 s: allowed is 0.08001 s and more: with heat watched",
     ),
+    "SHORT_KIND": (
+        {"trip_state": "short-circuit"},
+        "trip_state = short-circuit, machine = induction: only magnets need a short circuit",
+    ),
+    "SHORT_BEARS": (
+        {**MAGNET, "trip_state": "short-circuit", "magnets_bear_A": 21.8},
+        "magnets_bear_A = 21.8 A, trip_state = short-circuit: allowed is 21.87 A and more: the "
+        "current of a short circuit",
+    ),
+    "SHORT_SEEN": (
+        {**MAGNET, "trip_state": "short-circuit", "magnets_bear_A": 26.6},
+        "magnets_bear_A = 26.6 A, i_full_A = 30 A: with trip_state = short-circuit the sensors",
+    ),
 }
 
 

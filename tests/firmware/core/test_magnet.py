@@ -369,3 +369,47 @@ def test_a_known_angle_is_checked(error, result, first):
     electrical = round((true + error) % 360 / 360 * 8192)
     found, _, _ = aligned(True, lambda t, to: to - true, electrical=electrical, first=first)
     assert found == result
+
+
+def shorted(machine, omega, start, turns=1.0, most_step=1e-3):
+    """Exact currents along both axes after all terminals were connected:
+    L_d i_d' = w L_q i_q - R i_d and L_q i_q' = -w (L_d i_d + psi_f) - R i_q."""
+    r, ld, lq, psi_f, _ = machine
+
+    def slope(_, i):
+        return [(omega * lq * i[1] - r * i[0]) / ld, (-omega * (ld * i[0] + psi_f) - r * i[1]) / lq]
+
+    end = 2 * np.pi * turns / omega
+    found = solve_ivp(slope, (0, end), start, rtol=1e-10, atol=1e-10, max_step=most_step * end)
+    return found.y
+
+
+@pytest.mark.parametrize("omega", [30.0, 300.0, 1500.0, 10000.0])
+@pytest.mark.parametrize("across_A", [0.0, 5.0, 15.0])
+def test_peak_current_of_a_short_circuit(machine, omega, across_A):
+    found = lib.ht_magnet_short_A(magnet(machine), machine.r, omega, across_A)
+    exact = max(
+        np.hypot(*shorted(machine, omega, [0.0, sign * across_A])).max() for sign in (-1, 1)
+    )
+    assert abs(found / max(exact, 1e-9) - 1) < 0.01
+
+
+def test_a_short_circuit_at_no_resistance_swings_to_twice_what_it_settles_at(machine):
+    """Flux that cannot change opposes the magnets after half a turn: i_d = -2 psi_f/L_d."""
+    found = lib.ht_magnet_short_A(magnet(machine), 0.0, 1000.0, 0.0)
+    assert abs(found / (2 * machine.psi_f / machine.ld) - 1) < 2e-3
+
+
+@given(st.floats(1e-5, 1.0), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+def test_largest_voltage_between_two_terminals(psi_f, five, seven):
+    """Whatever phases the harmonics have: a search over phases and angle comes near it, and none
+    is above it."""
+    found = lib.ht_magnet_terminal_Wb(psi_f, five, seven) / psi_f
+    theta = np.linspace(0, 2 * np.pi, 721)
+    # Between terminals 120 degrees apart each order that is no multiple of three has sqrt(3).
+    peaks = []
+    for a in (0, np.pi):
+        for b in (0, np.pi):
+            wave = np.cos(theta) + five * np.cos(5 * theta + a) + seven * np.cos(7 * theta + b)
+            peaks.append(np.sqrt(3) * wave.max())
+    assert abs(max(peaks) / found - 1) < 1e-3

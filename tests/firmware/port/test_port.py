@@ -266,6 +266,35 @@ def test_gates_on_and_off(board):
     assert board.rf.eallow == 0
 
 
+#: TZB and TZA: the lower switch, B, is told to go on, and the upper one off.
+LOWER_ON = {False: 0x0006, True: 0x0009}
+
+
+@pytest.mark.parametrize("active_low", (False, True))
+def test_the_short_circuit_forces_the_lower_switches_on(board, active_low):
+    """TZA and TZB alone change. The latches stay set, whatever else trips. Gates off ends it."""
+    table = ffi.new("ht_board *", board.port.board[0])
+    table.gates_active_low = board.rf.gates_active_low = active_low
+    board.port.board = table
+    board.init()
+    off = (ALL_HIGH if active_low else ALL_LOW)[board.device]
+    lib.ht_port_gates_on(board.port, ALL_LEGS)
+    lib.ht_port_gates_off(board.port)
+    for _ in range(2):  # idempotent
+        lib.ht_port_short_circuit(board.port)
+        assert board.image("TZCTL") == [(off & ~0xF | LOWER_ON[active_low],)] * 6
+        assert all(flag & OST for (flag,) in board.image("TZFLG"))
+    board.write(63, CA, CB)  # no pattern reaches a latched leg
+    lib.ht_regfile_pin(board.rf, board.port.board.trip.gpio, 0)
+    lib.ht_regfile_pin(board.rf, board.port.board.trip.gpio, 1)
+    assert board.image("TZCTL") == [(off & ~0xF | LOWER_ON[active_low],)] * 6
+    lib.ht_port_gates_off(board.port)
+    assert board.image("TZCTL") == [(off,)] * 6
+    assert all(flag & OST for (flag,) in board.image("TZFLG"))
+    assert board.rf.violations == 0
+    assert board.rf.eallow == 0
+
+
 @pytest.mark.parametrize("leg", range(6))
 def test_one_leg_off(board, leg):
     """The others go on. A trip switches all of them off, and a release without this leg leaves it

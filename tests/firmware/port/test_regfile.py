@@ -502,6 +502,41 @@ def test_pin_to_the_pwm_wants_the_polarity_of_the_gate_drivers(chip, active_low)
         chip.write32("GPAMUX1", 0)
 
 
+@pytest.mark.parametrize("active_low", (0, 1))
+def test_what_a_trip_does_while_the_counters_run(chip, active_low):
+    """Both off at any time; the lower switch, output B, on at a module that is tripped. Nothing
+    else, and a leg is not released as long as its next trip would switch on."""
+    ready_for_pins(chip)
+    chip.rf.gates_active_low = active_low
+    for leg in range(6):
+        chip.poke("DBCTL", 0x0007 if active_low else 0x000B, leg)
+    off, lower = (0x0005, 0x0009) if active_low else (0x000A, 0x0006)
+    chip.poke("TZCTL", off)
+    chip.write32("GPAMUX1", 0)
+    address, bit = TBCLKSYNC[chip.device]
+    chip.change(address, chip.word(address)[0] | bit)
+    chip.write("TZCTL", off)
+    chip.write("TZCTL", lower)
+    assert not chip.said
+    for others in set(range(16)) - {off, lower}:
+        chip.write("TZCTL", others)
+        assert chip.said == [ORDER]
+    chip.poke("TZCTL", lower)
+    chip.write32("GPAMUX1", 0x00555555)
+    assert ORDER in chip.said
+    chip.write("TZCLR", OST)
+    assert chip.said == [ORDER]
+    chip.poke("TZFLG", 0)
+    chip.write("TZCTL", lower)
+    assert chip.said == [ORDER]
+    chip.write("TZCTL", off)
+    assert not chip.said
+    if chip.device == "f28377s":
+        chip.poke("TZFLG", OST)
+        chip.write("TZCTL", 0x0200 | off)  # what the comparators do
+        assert chip.said == [ORDER]
+
+
 @pytest.mark.parametrize("name", ("DBRED", "DBFED"))
 def test_no_dead_time_at_a_module_with_pins(chip, name):
     """While it is tripped, the write is reported, and so is a release of the trip."""

@@ -92,14 +92,31 @@ def test_a_known_angle_needs_no_search():
 
 @pytest.mark.parametrize("zero_deg", [160.0, -80.0, 280.0])
 def test_a_known_angle_that_is_wrong_gives_no_torque(zero_deg):
-    """The shaft turns to where the direct current pulls it, less than half an electrical turn."""
+    """The shaft turns towards where the direct current pulls it, and coasts when that has ended."""
     drive, _ = begun(
         "magnet-surface", "ddr", 100.0,
         controller__rotor_start="known", controller__rotor_zero_deg=zero_deg,
     )  # fmt: skip
     assert drive.state == "fault" and drive.faults == ["encoder against flux speed"]
-    assert abs(drive.plant_state[7]) < np.pi / drive.machine.pole_pairs
+    assert abs(drive.plant_state[7]) < 2 * np.pi / drive.machine.pole_pairs
     assert "did not show that the rotor was aligned" in str(drive.trip)
+
+
+@pytest.mark.parametrize("name, scheme", [DRIVES[0], DRIVES[2], DRIVES[4]])
+@pytest.mark.parametrize("wrong_deg", [180.0, 120.0, -90.0])
+def test_a_wrong_known_angle_is_found_within_a_quarter_of_an_electrical_turn(
+    name, scheme, wrong_deg
+):
+    setup = setups.load(name).with_scheme(
+        scheme, machine__start_deg=100.0, controller__rotor_start="known",
+        controller__rotor_zero_deg=100.0 + wrong_deg - (360 if wrong_deg > 0 else 0),
+    )  # fmt: skip
+    drive = SimulatedDrive(setup, SAMPLES)
+    drive.start()
+    while drive.state in (CALIBRATE, BUILD):
+        drive.run(drive.period_s * 10, record=False)
+    assert drive.faults == ["encoder against flux speed"]
+    assert abs(drive.plant_state[7]) * drive.machine.pole_pairs < np.pi / 2
 
 
 def test_an_encoder_that_counts_backwards_gives_no_torque():

@@ -3,6 +3,7 @@ point and profile do."""
 
 import math
 
+import numpy as np
 import pytest
 from example_setups import LARGE, SMALL
 
@@ -112,15 +113,63 @@ def test_what_is_asked_of_a_circuit_decides_its_flux_and_its_torque_limit():
     assert asked.pull_out_Nm >= 2 * load_Nm * 0.999
 
 
+def pull_out_ratio(one):
+    """Pull-out torque at rated flux, R_s left out, over rated torque."""
+    of = one.circuit
+    ls_H, lr_H = of.lls_H + of.lm_H, of.llr_H + of.lm_H
+    sigma_H = ls_H - of.lm_H**2 / lr_H
+    share = of.lm_H**2 / (ls_H * lr_H)
+    most_Nm = 3 * one.plate.pole_pairs * of.flux_Wb**2 * share / (2 * sigma_H)
+    return most_Nm / of.torque_Nm
+
+
 def test_a_load_alone_gets_the_flux_of_its_current_and_no_more():
     """The no-load current has the share of the current at this load that it has of the rated one in
-    half of the published machines."""
+    half of the published machines; but the pull-out torque is not further above the load than in
+    nine of ten of them."""
+    known = [estimate.examples(machine)[0] for machine in published.machines()]
     shares = sorted(
         one.circuit.flux_Wb
         / (one.circuit.lls_H + one.circuit.lm_H)
         / (math.sqrt(2) * one.plate.current_A)
-        for one in (estimate.examples(machine)[0] for machine in published.machines())
+        for one in known
     )
     median = shares[len(shares) // 2]
-    d = design(loaded(SMALL, 500, 4))
+    wide = SMALL.replace("0.009", "0.02")
+    assert wide != SMALL
+    d = design(loaded(wide, 500, 4))
     assert d.no_load_A == pytest.approx(median * d.current_A(4), rel=0.05)
+    ratios = sorted(map(pull_out_ratio, known))
+    d = design(loaded(SMALL, 500, 4))
+    assert d.no_load_A < 0.9 * median * d.current_A(4)
+    assert d.pull_out_Nm / 4 == pytest.approx(ratios[round(0.9 * len(ratios))], rel=0.07)
+
+
+@pytest.mark.parametrize("text", (SMALL, LARGE))
+def test_a_speed_without_a_load_takes_no_flux_that_the_load_needs(text):
+    """Up to the speed of the load the voltage turns the flux that makes it 40 % of pull-out. With
+    less, errors of 30 % in leakage and R_r leave no torque limit that carries the load."""
+    rpm, load_Nm = (2000, 5) if text == SMALL else (1200, 900)
+    steps = (
+        "[profile]\nduration_s = 9\nspeed_rpm = [[0, {}], [6, {}]]\nload_Nm = [[1, {}], [5, 0]]\n"
+    )
+    slow, fast = (
+        design(setups.parse(text + steps.format(rpm, most, load_Nm), "x")) for most in (rpm, 9e3)
+    )
+    turning_V = 0.9 * USABLE * REACH_PU * fast.vdc_V
+    assert slow.flux_Wb >= fast.flux_Wb
+    assert fast.pull_out_Nm == pytest.approx(load_Nm / 0.4, rel=1e-6)
+    assert fast.machine.pole_pairs * rad_s(rpm) * fast.flux_Wb < turning_V
+    assert fast.machine.pole_pairs * rad_s(9e3) * fast.flux_Wb > turning_V
+    # Where the voltage does not turn that much, it is what the voltage turns there, or half.
+    shares = []
+    for asked_Nm in np.geomspace(0.7, 4, 18) * load_Nm:
+        d = design(setups.parse(text + steps.format(2 * rpm, 9e3, asked_Nm), "x"))
+        turned_Wb = turning_V / (d.machine.pole_pairs * rad_s(2 * rpm))
+        shares.append(asked_Nm / d.pull_out_Nm)
+        assert 0.4 < shares[-1] * (1 + 1e-6) and shares[-1] < 0.5 * (1 + 1e-6)
+        if 0.4001 < shares[-1] < 0.4999:
+            assert d.flux_Wb == pytest.approx(turned_Wb, rel=1e-6)
+        else:
+            assert (d.flux_Wb < turned_Wb) == (shares[-1] < 0.45)
+    assert min(shares) < 0.4001 and max(shares) > 0.4999

@@ -67,7 +67,7 @@ static HT_INTERRUPT void slow(void)
 /* The dead-man timer of the F28335 has expired. The slow interrupt tells the cause. */
 static HT_INTERRUPT void lost(void)
 {
-    ht_port_gates_off(&ht_image_port);
+    ht_drive_interrupt_lost(&ht_image_drive);
 }
 
 static HT_INTERRUPT void unexpected(void)

@@ -14,13 +14,14 @@ a debugger starts the image anew while the gates are on, they must go off before
 Two kinds have no fault. The speed reverses, and no gate pulse may be shorter than the power stage
 can make; all other runs count such pulses as well. And the page that has started a drive falls
 silent: the monitor's dead man must stop the drive, in every state in which its gates may be on.
+
+Machines with magnets have runs of their own (`magnet_faults`).
 """
 
 from __future__ import annotations
 
 import contextlib
 import itertools
-import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -33,10 +34,12 @@ from ...boards.virtual import BoardController
 from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
 from ...monitor.deadman import DeadMan
-from ...plant.legs import HIGH, LOW, OFF
+from ...plant.legs import OFF
 from ...plant.vsd import PHASES
 from ...serial import wire
 from ...serial.client import HEARTBEAT_S
+from . import magnet_faults
+from .fault_checks import Result, gates_off, shoot_through, sign
 from .grids import Grid
 from .runs import each
 
@@ -67,7 +70,6 @@ STATES = (*(name for name in firmware.STATES if name != firmware.FAULT), firmwar
 POWERED = tuple(state.name for state in firmware.STATE_TABLE if state.controls)
 GATES_ON = tuple(state.name for state in firmware.STATE_TABLE if state.gates_on)
 CHECKED = tuple(state.name for state in firmware.STATE_TABLE if state.at_work)
-TRIP_FLAG = 4
 #: Index of the encoder among the held sensors.
 ENCODER = 7
 
@@ -181,14 +183,10 @@ class PagedDrive(HostedDrive):
             self._send(wire.Op.STOP)
 
 
-def _sign(rng: np.random.Generator) -> int:
-    return int(rng.choice([-1, 1]))
-
-
 def _over_current(sim: SimulatedDrive, rng: np.random.Generator) -> None:
     """A real current in x-y that takes every phase beyond the trip level."""
     amperes = 2.5 * sim.controller.number("i_trip_A")
-    sim.plant_state[2] += _sign(rng) * amperes * sim.machine.lxy_H
+    sim.plant_state[2] += sign(rng) * amperes * sim.machine.lxy_H
 
 
 def _alpha_beta_current(sim: SimulatedDrive, rng: np.random.Generator) -> None:
@@ -213,7 +211,7 @@ def _vdc(level: str, factor: float) -> Inject:
 def _over_speed(sim: SimulatedDrive, rng: np.random.Generator) -> None:
     """The load drives the shaft, with 1000 rad/s2 more than the drive can hold."""
     torque_Nm = sim.controller.number("torque_limit_Nm") + 1000 * sim.machine.inertia_kgm2
-    forward = sim.plant_state[6] > 0 if abs(sim.plant_state[6]) > 1 else _sign(rng) > 0
+    forward = sim.plant_state[6] > 0 if abs(sim.plant_state[6]) > 1 else sign(rng) > 0
     sim.set("load_Nm", -torque_Nm if forward else torque_Nm)
 
 
@@ -229,7 +227,7 @@ def _hold(*sensors: int) -> Inject:
 
 def _railed(sim: SimulatedDrive, rng: np.random.Generator) -> None:
     """A current sensor's output goes to one end of the converter's range."""
-    sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * 1e4
+    sim.sensors.i_offset_counts[rng.integers(6)] += sign(rng) * 1e4
 
 
 def _offset(share: float) -> Inject:
@@ -237,7 +235,7 @@ def _offset(share: float) -> Inject:
 
     def inject(sim: SimulatedDrive, rng: np.random.Generator) -> None:
         counts = share * sim.controller.number("i_sum_trip_A") / sim.controller.drive.i_per_count
-        sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * counts
+        sim.sensors.i_offset_counts[rng.integers(6)] += sign(rng) * counts
 
     return inject
 
@@ -277,7 +275,7 @@ def _release_the_trip_pin(sim: SimulatedDrive) -> str:
         else:
             return f"{command.__name__} was accepted under a low trip pin"
         sim.run(sim.period_s, record=False)
-        if sim.state != before or not _gates_off(sim):
+        if sim.state != before or not gates_off(sim):
             return f"{command.__name__} under a low trip pin changed something"
     sim.controller.set_trip_pin(1)
     return ""
@@ -324,7 +322,7 @@ def _bad_offset(sim: SimulatedDrive, rng: np.random.Generator) -> None:
     with contextlib.suppress(firmware.FirmwareError):
         sim.stop()
         sim.start()
-    sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * 250
+    sim.sensors.i_offset_counts[rng.integers(6)] += sign(rng) * 250
 
 
 class _Names:
@@ -412,19 +410,6 @@ FAULTS = (
 )
 
 
-@dataclass
-class Result:
-    """One run. `error` is empty if the drive did everything that it must."""
-
-    fault: str
-    state: str
-    scheme: str
-    setup: str
-    cause: str = ""
-    periods: int = 0  #: from injection to gates off
-    error: str = ""
-
-
 def _without(seed: int) -> dict[str, object]:
     """Going on without a leg must hide no fault. A third of the drives may do so; another third
     does from the start on."""
@@ -472,7 +457,7 @@ def _bring_to(sim: SimulatedDrive, state: str, rng: np.random.Generator) -> None
         return
     sim.run(0.31, record=False)
     # The speed is so high that a lost encoder has an effect.
-    direction = _sign(rng)
+    direction = sign(rng)
     sim.set("speed_ref_rpm", direction * float(rng.uniform(400, 900)))
     sim.run(float(rng.uniform(0.2, 0.4)), record=False)
     limit_Nm = sim.controller.number("torque_limit_Nm")
@@ -496,32 +481,6 @@ def _test(sim: SimulatedDrive, rng: np.random.Generator) -> None:
     wave = {"test_wave": str(rng.choice(waves)), "test_Hz": float(rng.uniform(5, 500))}
     sim.set_many(wave)
     sim.run(sim.period_s * int(rng.integers(1, 200)), record=False)
-
-
-def _gates_off(sim: SimulatedDrive) -> bool:
-    m, words = sim.controller.map, sim.controller.register_words()
-    flags = [int(words[m.epwm + leg * m.stride + m.tzflg]) & TRIP_FLAG for leg in range(6)]
-    return all(flags)
-
-
-def _shoot_through(sim: SimulatedDrive, legs: np.ndarray) -> str:
-    """Check the dead time of the edges since the log began. `legs` has the states before them and
-    is updated."""
-    clock_Hz = float(sim.controller.map.pwm_clock_Hz)
-    dead = math.ceil(sim.setup["inverter.dead_time_us"] * 1e-6 * clock_Hz - 0.01)
-    if sim.gate_mistake:
-        return sim.gate_mistake
-    since = np.full(6, -(10**9))
-    for count, leg, state in sim.edges:
-        before = legs[leg]
-        if {before, state} == {LOW, HIGH}:
-            return f"leg {leg} changed over without dead time"
-        if before == OFF and state != OFF and 0 <= count - since[leg] < dead:
-            return f"leg {leg}: {count - since[leg]} counts of dead time"
-        if state == OFF:
-            since[leg] = count
-        legs[leg] = state
-    return ""
 
 
 def _disturb(sim: SimulatedDrive, rng: np.random.Generator) -> None:
@@ -554,16 +513,16 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
     off = 0
     while sim.periods - injected < limit:
         sim.run(sim.period_s, record=False)
-        if not off and _gates_off(sim):
+        if not off and gates_off(sim):
             off = sim.periods - injected
         if sim.controller.state == firmware.FAULT and state != firmware.FAULT:
             break
     if must_trip:
         result.error = _latched(sim, fault, deadline, injected, off, result)
-    elif state not in CHECKED and (sim.controller.condition.at_work or not _gates_off(sim)):
+    elif state not in CHECKED and (sim.controller.condition.at_work or not gates_off(sim)):
         result.error = f"gates on in {sim.controller.state}"
     latched = not sim.controller.condition.at_work
-    result.error = result.error or _shoot_through(sim, legs)
+    result.error = result.error or shoot_through(sim, legs)
     if latched and not result.error:
         result.error = _stays_off(sim, rng, fault)
     if sim.controller.registers.violations and not result.error:
@@ -583,7 +542,7 @@ def _latched(
     result.cause = ", ".join(snapshot["faults"])
     # Before a start the gates are off at once. Until the fault is found takes longer.
     result.periods = off if fault.stands else sim.periods - injected
-    if not _gates_off(sim):
+    if not gates_off(sim):
         return "gates on in fault"
     if fault.stands and off > fault.stands:
         return f"gates on for {off} periods without an interrupt"
@@ -635,7 +594,7 @@ def _stays_off(sim: SimulatedDrive, rng: np.random.Generator, fault: Fault) -> s
         if n % 10 == 5:
             _disturb(sim, rng)
         sim.run(sim.period_s, record=False)
-        if not _gates_off(sim) or any(state != OFF for state in sim.inverter.leg):
+        if not gates_off(sim) or any(state != OFF for state in sim.inverter.leg):
             return "a gate came on after the latch"
     if len(sim.edges):
         return "a leg changed after the latch"
@@ -645,7 +604,7 @@ def _stays_off(sim: SimulatedDrive, rng: np.random.Generator, fault: Fault) -> s
     turning = abs(sim.controller.drive.speed_rpm) > sim.controller.number("start_max_rpm")
     sim.clear()
     sim.run(5 * sim.period_s, record=False)
-    if sim.controller.state != firmware.IDLE or not _gates_off(sim):
+    if sim.controller.state != firmware.IDLE or not gates_off(sim):
         return "a clear turned gates on"
     return _restart(sim) if turning else ""
 
@@ -893,7 +852,7 @@ def restarted(state: str, scheme: str, setup: str, seed: int) -> Result:
     sim = SimulatedDrive(_setup(setup, scheme, rng, seed), 1)
     _bring_to(sim, state, rng)
     controller = sim.controller
-    if state in GATES_ON and _gates_off(sim):
+    if state in GATES_ON and gates_off(sim):
         result.error = "the gates were off before the restart"
         return result
     params = ffi.new("ht_params *", controller.drive.params)
@@ -903,7 +862,7 @@ def restarted(state: str, scheme: str, setup: str, seed: int) -> Result:
         return result
     lib.ht_store_start(controller.store.handle, controller.drive, controller.port, params)
     result.periods = 1  # before the first interrupt
-    if controller.state != firmware.IDLE or not _gates_off(sim):
+    if controller.state != firmware.IDLE or not gates_off(sim):
         result.error = f"{controller.state} after the restart"
     elif controller.registers.violations:
         result.error = "a gate was on while the start waited"
@@ -923,11 +882,11 @@ def reversal(_: str, scheme: str, setup: str, seed: int) -> Result:
     sim.run(0.35, record=False)
     sim.log_edges(500_000)
     legs = np.array(sim.inverter.leg)
-    speed_rpm = _sign(rng) * float(rng.uniform(200, 1400))
+    speed_rpm = sign(rng) * float(rng.uniform(200, 1400))
     for reference_rpm in (speed_rpm, -speed_rpm):
         sim.set("speed_ref_rpm", reference_rpm)
         sim.run(0.5, record=False)
-    result.error = _shoot_through(sim, legs)
+    result.error = shoot_through(sim, legs)
     if sim.state != firmware.RUN and not result.error:
         result.error = ", ".join(sim.faults)
     return result
@@ -954,7 +913,7 @@ def page_silent(state: str, scheme: str, setup: str, seed: int) -> Result:
         return result
     sim.page_silent = True
     begin, most = sim.periods, round(PAGE_SILENT_S / sim.period_s)
-    while not _gates_off(sim) or sim.controller.condition.at_work:
+    while not gates_off(sim) or sim.controller.condition.at_work:
         if sim.periods - begin >= most:
             result.error = f"gates on for {PAGE_SILENT_S:g} s without a page, {sim.state}"
             return result
@@ -966,7 +925,7 @@ def page_silent(state: str, scheme: str, setup: str, seed: int) -> Result:
         result.error = "the drive stopped by itself"
     for _ in range(AFTER):
         sim.run(sim.period_s, record=False)
-        if not _gates_off(sim):
+        if not gates_off(sim):
             result.error = "a gate came on after the stop"
     return result
 
@@ -985,8 +944,14 @@ def places(fault: Fault, runs: int) -> list[tuple[str, str, str]]:
 def one(task: tuple, progress: Progress | None = None) -> dict:
     """A run. task: the number of a fault, or the name of a case without one; its arguments."""
     case, *arguments = task
-    made = partial(run, FAULTS[case]) if isinstance(case, int) else WITHOUT_FAULT[case][0]
-    result: Result = made(*arguments)
+    made: Callable[..., Result]
+    if isinstance(case, int):
+        made = partial(run, FAULTS[case])
+    elif case in magnet_faults.CASES:
+        made = magnet_faults.CASES[case]
+    else:
+        made = WITHOUT_FAULT[case][0]
+    result = made(*arguments)
     if progress:
         progress(0.3)
     return asdict(result)
@@ -1016,6 +981,13 @@ def study(
             range(RUNS), itertools.cycle(itertools.product(states, firmware.schemes(), SETUPS))
         )
     ][::step]
+    tasks += [
+        (name, scheme, setup, n)
+        for name in magnet_faults.CASES
+        for n, (setup, scheme) in zip(
+            range(magnet_faults.RUNS), itertools.cycle(magnet_faults.DRIVES)
+        )
+    ][::step]
     results = [Result(**found) for found in each(one, tasks, folder, progress)]
     at_the_start = {DAMAGED_SET: damaged_set, WRONG_CLOCK: wrong_clock}
     for case in at_the_start.values():
@@ -1024,6 +996,7 @@ def study(
     named = [(fault.name, fault.found_in) for fault in FAULTS]
     named += [(name, ("start",)) for name in at_the_start]
     named += [(RESTARTED, STATES), (REVERSAL, ()), (PAGE_SILENT, CHECKED)]
+    named += [(name, (firmware.RUN,)) for name in magnet_faults.CASES]
     for name, found_in in named:
         own = [r for r in results if r.fault == name]
         found = [r for r in own if r.periods]

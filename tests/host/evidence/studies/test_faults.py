@@ -11,7 +11,7 @@ from campaigns import WHOLE
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.evidence.studies import faults
+from hexatorque.evidence.studies import faults, magnet_faults
 from hexatorque.plant.legs import HIGH, LOW, OFF
 
 
@@ -41,9 +41,19 @@ def test_in_the_next_interrupt(result):
         "over-voltage between two samples",
     )
     for row in result["rows"]:
-        if row["fault"] not in slow | {faults.REVERSAL, faults.PAGE_SILENT}:
+        if row["fault"] not in slow | {faults.REVERSAL, faults.PAGE_SILENT, *magnet_faults.CASES}:
             longest = 2 if row["fault"] in trips else 1
             assert row["periods_max"] in range(1, longest + 1), row["fault"]
+
+
+def test_trip_states_of_magnets(result):
+    """An encoder that has stopped is part of these runs. It takes up to 2 ms, 40 periods of 20 kHz;
+    the short circuit comes two periods after the gates went off."""
+    most = dict(zip(magnet_faults.CASES, (20, 23, 1, 40), strict=True))
+    rows = {row["fault"]: row for row in result["rows"] if row["fault"] in most}
+    assert len(rows) == len(most)
+    for name, row in rows.items():
+        assert row["found"] == row["runs"] and row["periods_max"] <= most[name], name
 
 
 def test_the_chip_switches_off_without_the_slow_interrupt(result):
@@ -233,7 +243,7 @@ def test_legs_that_change_without_dead_time_are_found():
         sim = SimpleNamespace(
             setup=dead, controller=clock, edges=np.array(edges), **{**none, **counted}
         )
-        return faults._shoot_through(sim, np.array([LOW] * 6))
+        return faults.shoot_through(sim, np.array([LOW] * 6))
 
     assert seen((0, 0, OFF), (200, 0, HIGH), (900, 0, OFF), (1100, 0, LOW)) == ""
     assert "without dead time" in seen((0, 0, HIGH))

@@ -4,9 +4,11 @@ design does not know them, and the study's verdicts are those of its runs."""
 import math
 
 import pytest
+from campaigns import part
 
 from hexatorque import firmware, setups
 from hexatorque.evidence.studies import machines, magnets, plates
+from hexatorque.experiments.acceptance import accept
 from hexatorque.plant.machines.induction_parameters import Parameters
 from hexatorque.setups import new, published
 from hexatorque.setups.nameplate import circuit_of
@@ -105,6 +107,20 @@ def test_a_low_dc_link_has_devices_without_threshold(number, threshold):
     assert (setup["inverter.v_diode_V"] > 0.6) == threshold
     same = setup["inverter.r_switch_ohm"] == setup["inverter.r_diode_ohm"]
     assert same != threshold and setup["inverter.r_switch_ohm"] > 0
+
+
+CIRCUIT, LEAST = machines.OTHER_WAYS[2:]
+#: Large leakage errors near the pull-out torque (22, 23, 245), a rotor whose flux takes two seconds
+#: (181), one that is a fiftieth as heavy as machines with such inductances (245, circuit).
+HARD = [(23, CIRCUIT), (181, CIRCUIT), (22, LEAST), (245, CIRCUIT), (181, LEAST), (245, LEAST)]
+
+
+@pytest.mark.parametrize(("number", "way"), part(HARD, 3))
+def test_rated_torque_at_a_few_r_min_on_machines_that_are_told_wrong(number, way):
+    true = machines.truth(number)
+    of = machines.told(true, way)
+    setup = machines.drive(true, of.setup.with_scheme("db-dtfc"), number)
+    accept(setup, ((0.03, 0), (0.03, 1), (0.03, -1), (0.3, 0)), (of.speed_rpm, of.torque_Nm))
 
 
 def row(way, ready, reason):
