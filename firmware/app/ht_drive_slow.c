@@ -359,7 +359,7 @@ static void note_limits(ht_drive *d, unsigned limits)
     uint16_t began = (uint16_t)(limits & ~(unsigned)d->limits);
     uint16_t row;
     for (row = 0u; row < (uint16_t)HT_LIMITS; row++) {
-        if (((began >> row) & 1u) != 0u) {
+        if ((((unsigned)began >> row) & 1u) != 0u) {
             d->limit_from[row] = d->tick;
         }
         if (((limits >> row) & 1u) != 0u) {

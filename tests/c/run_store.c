@@ -54,6 +54,7 @@ static void power_on(const char *what, void (*then)(void))
     memset(&ht_image_drive, 0, sizeof ht_image_drive);
     memset(&ht_image_mailbox, 0, sizeof ht_image_mailbox);
     memset(&ht_image_store, 0, sizeof ht_image_store);
+    memset(&ht_image_log, 0, sizeof ht_image_log);
     ht_regfile_reset(&ht_image_registers, HT_BOARD_UNDER_TEST.map);
     ht_image_registers.idle = idle;
     fake_flash_chip = &ht_image_registers;
@@ -209,6 +210,31 @@ static void nothing_again(void)
     check("the defaults stand", get(HT_P_rs_ohm) == initial(HT_P_rs_ohm));
 }
 
+/* The log reads its sectors in turns of the background, and writes what waits. */
+static void the_log(uint16_t events)
+{
+    unsigned n;
+    for (n = 0; n < 3000; n++) {
+        ht_image_background();
+    }
+    check("the log has a memory that works", ht_log_keeps(&ht_image_log));
+    check("no slot is damaged", ht_image_log.ring.damaged == 0u);
+    check("every start is in it", ht_log_events(&ht_image_log) == events);
+    check("nothing waits", ht_image_log.waiting == 0u);
+    check("interrupts are let through", ht_image_registers.intm == 0u);
+    check("gates are off", ht_port_tripped(&ht_image_port, HT_ALL_LEGS));
+}
+
+static void a_first_log(void)
+{
+    the_log(1);
+}
+
+static void the_log_is_kept(void)
+{
+    the_log(2);
+}
+
 int main(void)
 {
     bench_erase();
@@ -220,6 +246,8 @@ int main(void)
     *bench_word(1, 40) ^= 0x200u;
     power_on("both copies are damaged", both_are_damaged);
     power_on("forgotten", nothing_again);
+    power_on("its log begins", a_first_log);
+    power_on("its log goes on", the_log_is_kept);
     check("nothing else of the flash is touched", fake_flash_rest_is_untouched());
     return (failures == 0) ? 0 : 1;
 }

@@ -45,8 +45,7 @@ def test_missing_compiler_is_said_plainly(tree, tmp_path):
 FROM_FLASH = {"main.c", "codestart.asm", "devicecal.asm", "ht_service.c", "ht_service_requests.c",
               "ht_requests_drive.c", "ht_requests_sampling.c", "ht_requests_session.c",
               "ht_dictionary.c", "ht_log.c", "ht_log_ring.c", "ht_reset.c", "ht_store.c",
-              "ht_packet.c", "ht_no_store.c",
-              "ht_snapshot.c"}  # fmt: skip
+              "ht_packet.c", "ht_no_store.c", "ht_snapshot.c"}  # fmt: skip
 
 
 @needs_cmake

@@ -24,7 +24,8 @@ NOT_IN_PIL = (
     "ht_adc.c", "ht_cmpss.c", "ht_dead_man.c", "ht_eqep.c", "ht_image.c", "ht_pie.c",
     "ht_port_c2000.c", "ht_pwm.c", "ht_service.c", "ht_service_fast.c", "ht_service_requests.c",
     "ht_requests_drive.c", "ht_requests_sampling.c", "ht_requests_session.c",
-    "ht_dictionary.c", "ht_reset.c", "ht_store.c", "ht_no_store.c", "ht_virtual_period.c",
+    "ht_dictionary.c", "ht_log.c", "ht_log_ring.c", "ht_reset.c", "ht_store.c", "ht_no_store.c",
+    "ht_virtual_period.c",
     "ht_burst.c", "ht_burst_rows.c", "ht_streams.c",
 )  # fmt: skip
 SIZES = {"ht_code_size": 64, "ht_const_size": 32}
