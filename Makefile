@@ -195,7 +195,7 @@ test-windows: $(VENV)/.installed
 	HT_WINDOWS=1 $(BIN)/python -m pytest -o cache_dir=build/pytest/windows tests/windows
 
 # A broken link is an error. Missing tools are installed first.
-docs-tools = $(BIN)/python -c 'import latex2mathml, material, mkdocstrings, nbclient, ziglang, zopfli' 2>/dev/null || \
+docs-tools = $(BIN)/python -c 'import latex2mathml, material, minify, mkdocstrings, nbclient, ziglang, zopfli' 2>/dev/null || \
   HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}docs tools/setup.sh $(VENV)
 docs: $(VENV)/.installed
 	@$(docs-tools)

@@ -38,7 +38,7 @@ DURATION_S = 2.0
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """The folder with the page."""
-    for name in ("ziglang", "zopfli"):
+    for name in web.NEEDED:
         pytest.importorskip(name, reason="pip install 'hexatorque[docs]'")
     folder = tmp_path_factory.mktemp("web")
     web.build(folder, web.SETUPS)
