@@ -163,7 +163,7 @@ static void take_gates_off(const ht_drive *d)
     }
 }
 
-void ht_drive_interrupt_lost(ht_drive *d)
+void ht_drive_interrupt_lost(const ht_drive *d)
 {
     take_gates_off(d);
 }

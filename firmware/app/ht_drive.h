@@ -193,7 +193,7 @@ ht_result ht_drive_clear(ht_drive *d);
  *  interrupt. */
 void ht_drive_trip(ht_drive *d, uint32_t bits);
 /** For a timer that finds no fast interrupt any more: gates off, but a short circuit stays. */
-void ht_drive_interrupt_lost(ht_drive *d);
+void ht_drive_interrupt_lost(const ht_drive *d);
 /** The same as a trip from outside the fast interrupt, if none is expected any more, or none yet. If one
  *  comes all the same, it finds the drive in FAULT. Also takes over parameters that wait for a fast
  *  interrupt. */
