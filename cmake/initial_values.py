@@ -148,9 +148,12 @@ def initial_values(source: str, device: str, files: list[Path]) -> dict[str, str
     given = setup.values["controller"]
     for key in given:
         table[key].number(given[key].value)
-    # Rules use defaults of quantities only: those are plain numbers in the table.
-    numbers = {n: row.initial.rstrip("f") for n, row in table.items() if not row.choices}
-    initial = {name: float(number) for name, number in numbers.items()}
+    # No rule uses the default of the scheme, which is not a plain number in the table.
+    numbers = {n: float(row.initial.rstrip("f")) for n, row in table.items() if n != "scheme"}
+    initial = {
+        name: table[name].choices[int(number)] if table[name].choices else number
+        for name, number in numbers.items()
+    }
     decided = to_parameters.decided(setup, initial)
     return {
         name: as_float32(row.number(decided[name])) if name in decided else row.initial

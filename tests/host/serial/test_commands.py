@@ -416,7 +416,8 @@ def test_capture(call, tmp_path):
     file = tmp_path / "step.npz"
     code, out, _ = call(
         "capture", "i_u1_A", "speed_rpm", "--samples", "1000", "--pre", "300", "--trigger",
-        "rising:speed_rpm:20", "--start", "--speed", "100", "-o", str(file), "--json",
+        "rising:speed_rpm:20", "--start", "--speed", "100", "--timeout", "60", "-o", str(file),
+        "--json",
     )  # fmt: skip
     assert code == 0 and json.loads(out)["samples"] == 1000
     recording = Recording.load(file)

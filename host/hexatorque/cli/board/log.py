@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 NONE = "this board has no log: its firmware is older than protocol 2.4"
 
 
-@click.command(epilog=examples("board log", "board log --csv > log.csv"))
-@click.option("--csv", "as_csv", is_flag=True, help="The events as CSV.")
-@click.option("--forget", is_flag=True, help="Empty it; the counters stay. Asks first.")
-@click.option("--yes", is_flag=True, help="With --forget: do not ask.")
+@click.command(epilog=examples("board log", "board log --csv"))
+@click.option("--csv", "as_csv", is_flag=True, help="events as CSV")
+@click.option("--forget", is_flag=True, help="empty it, after a question; the counters stay")
+@click.option("--yes", is_flag=True, help="do not ask; with --forget")
 @options.board
 @options.as_json
 def log(as_csv, forget, yes, device, baud, as_json) -> int:
