@@ -282,15 +282,19 @@ STORE = {"f28335": (0x300000, 2 * 0x8000), "f28377s": (0xBC000, 2 * 0x2000)}
 
 @pytest.mark.parametrize("device", STORE)
 def test_nothing_of_an_image_is_where_the_parameters_are(device):
-    """The parameters have whole sectors, as the shim erases them. No section is placed there. The
+    """The parameters and the log have whole sectors, as the shim erases them. No section is placed there. The
     CPU fetches ahead, so code stays away from them as well: words that are half programmed have a
     wrong ECC."""
     used = ranges(device, "flash")
     begin, words = STORE[device]
     assert used.pop("STORE") == (begin, words)
+    log = used.pop("LOG")
+    assert log[0] + log[1] <= begin or log[0] >= begin + words
     for start, length in used.values():
-        assert start >= begin + words or start + length <= begin - 16
-    assert "STORE" not in command_file(device, "flash").split("SECTIONS")[1]
+        for first, size in ((begin, words), log):
+            assert start >= first + size or start + length <= first - 16
+    sections = command_file(device, "flash").split("SECTIONS")[1]
+    assert "STORE" not in sections and not re.search(r"\bLOG\b", sections)
     shim = (IMAGE.parent / "store" / f"ht_flash_{device}.c").read_text()
     numbers = {int(n, 16) for n in re.findall(r"0x([0-9A-F]{8})u", shim)}
     assert {begin, words // 2} <= numbers
