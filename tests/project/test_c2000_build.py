@@ -282,9 +282,9 @@ STORE = {"f28335": (0x300000, 2 * 0x8000), "f28377s": (0xBC000, 2 * 0x2000)}
 
 @pytest.mark.parametrize("device", STORE)
 def test_nothing_of_an_image_is_where_the_parameters_are(device):
-    """The parameters and the log have whole sectors, as the shim erases them. No section is placed there. The
-    CPU fetches ahead, so code stays away from them as well: words that are half programmed have a
-    wrong ECC."""
+    """The parameters and the log have whole sectors, as the shim erases them. No section is placed
+    there. The CPU fetches ahead, so code stays away from them as well: words that are half
+    programmed have a wrong ECC."""
     used = ranges(device, "flash")
     begin, words = STORE[device]
     assert used.pop("STORE") == (begin, words)
