@@ -1,8 +1,8 @@
 """Faults of drives with magnets, a part of the fault campaign: the trip state below and above the
 speed at which the magnets induce the dc link's voltage, and encoders that lie.
 
-The sensors of these drives have a wider range than the set-up's, so that they see the current of a
-short circuit, and the speed trip lies above the ceiling.
+The drives know their machine exactly. The sensors have a wider range than the set-up's, so that
+they see the current of a short circuit, and the speed trip lies above the ceiling.
 """
 
 from __future__ import annotations
