@@ -32,7 +32,9 @@ DEFAULTS = ("derived", "firmware")
 
 #: Share of the converter's range at which a current trips.
 I_TRIP_SHARE = 0.85
-#: Sampling frequencies; the second one where a period of the first moves the torque too far.
+#: Sampling frequencies; the second one where a period of the first moves the torque too far. Not
+#: where only the x-y current of dtc2 and dtc3 asks for it: two machines in five would switch twice
+#: as often under every scheme.
 F_ISR_HZ, F_ISR_FAST_HZ = 10e3, 20e3
 #: That far, in rated torques.
 LONGEST_STEP = 0.8

@@ -85,7 +85,7 @@ FAULTS = {
         "the module is not tripped"),
     "trip does not switch off": (
         F28377S, "ht_pwm.c",
-        "    HT_WR16(io, base + m->tzctl, off);\n", "", "trip does not switch off"),
+        "    HT_WR16(io, base + m->tzctl, trip_action(port, false));\n", "", "trip does not switch off"),
     "trip switches on": (
         F28335, "ht_pwm.c", "low ? TZCTL_BOTH_HIGH : TZCTL_BOTH_LOW",
         "low ? TZCTL_BOTH_LOW : TZCTL_BOTH_HIGH", "trip does not switch off"),
@@ -599,6 +599,13 @@ CLOCK_FAULTS = {
         F28377S, "ht_port_c2000.c", "ht_sci_start(port, EMERGENCY_BAUD)",
         "ht_sci_start(port, 9600u)", "wrong", "line runs at 115200 baud"),
 }  # fmt: skip
+
+
+def test_each_mistake_has_its_place_in_the_source():
+    """The quick tests make only some of them: a text that has changed is found at once."""
+    for name, (_, source, old, *_) in (FAULTS | CLOCK_FAULTS).items():
+        (path,) = (image.ROOT / "firmware").rglob(source)
+        assert path.read_text().count(old) == 1, name
 
 
 @pytest.mark.parametrize("fault", CLOCK_FAULTS)

@@ -27,7 +27,10 @@ PAUSES = (None, 0.0, 0.3, 1.0, 2.0, 5.0)
 #: No current may come nearer to the trip.
 MOST = 0.8
 #: But for the ripple of dtc1 here.
-NEARER = {("large-110kw", "dtc1", -0.1, 0.7): 0.82}
+NEARER = {
+    ("large-110kw", "dtc1", -0.1, 0.7): 0.82,
+    ("37 kW 400 V", "dtc1", -0.1, 0.7): 0.82,
+}
 #: A scheme that comes nearer to the trip than this by itself has nothing to spare: dtc1 on
 #: machines of little leakage.
 USUAL = 0.65

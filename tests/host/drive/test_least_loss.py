@@ -192,7 +192,7 @@ def test_no_flux_above_the_floor_has_clearly_less_loss(point):
     fluxes = np.geomspace(min(floor_Wb(setup), most_Wb), most_Wb, 8)
     losses = [loss_W(setup, speed_rpm, torque_Nm, flux) for flux in fluxes]
     # A table's pattern scatters the loss from flux to flux: the search has the best of eight.
-    assert found <= (1.02 if scheme == "ddr" else 1.01) * np.nanmin(losses)
+    assert found <= (1.03 if scheme == "ddr" else 1.01) * np.nanmin(losses)
     assert found <= 1.01 * losses[-1]  # the constant flux
 
 
