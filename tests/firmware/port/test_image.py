@@ -85,7 +85,8 @@ FAULTS = {
         "the module is not tripped"),
     "trip does not switch off": (
         F28377S, "ht_pwm.c",
-        "    HT_WR16(io, base + m->tzctl, trip_action(port, false));\n", "", "trip does not switch off"),
+        "    HT_WR16(io, base + m->tzctl, trip_action(port, false));\n", "",
+        "trip does not switch off"),
     "trip switches on": (
         F28335, "ht_pwm.c", "low ? TZCTL_BOTH_HIGH : TZCTL_BOTH_LOW",
         "low ? TZCTL_BOTH_LOW : TZCTL_BOTH_HIGH", "trip does not switch off"),
