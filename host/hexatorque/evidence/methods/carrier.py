@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...errors import InputError
 from ...plant.vsd import INVERSE, transform
 from ...setups import Setup
 from ...setups.design import Design
@@ -16,6 +17,8 @@ from .places import Place
 
 #: Angles of the voltage over which the mean is taken.
 ANGLES = 720
+#: Largest amplitude of linear modulation, in units of V_dc.
+MOST_PU = 1 / math.sqrt(3)
 SET2 = np.array([False, True] * 3)
 
 
@@ -65,7 +68,7 @@ def steady_state(setup: Setup, place: Place, flux_Wb: float) -> SteadyState:
         # slip.
         rest = flux_Wb**4 - 4 * (m.sigma_ls_H * m.ls_H * k) ** 2
         if rest < 0:
-            raise ValueError(f"{flux_Wb:g} Wb cannot give {place.torque_Nm:g} N m")
+            raise InputError(f"{flux_Wb:g} Wb cannot give {place.torque_Nm:g} N m")
         i_d = math.sqrt((flux_Wb**2 + math.sqrt(rest)) / 2) / m.ls_H
         i_A = complex(i_d, k / i_d)
         omega_rad_s += m.rr_ohm / m.lr_H * i_A.imag / i_d
@@ -110,6 +113,15 @@ def duty_ratios(v_pu: np.ndarray, clamped: float = 0.0, alternating: bool = Fals
     return duty
 
 
+def within_reach(m_pu: float) -> None:
+    """InputError if a voltage of this amplitude, in units of V_dc, is beyond linear modulation."""
+    if m_pu > MOST_PU:
+        raise InputError(
+            f"|v| = {m_pu:.3f} V_dc is beyond linear modulation: allowed range is 0 .. "
+            f"{MOST_PU:.3f} V_dc; take a lower speed, load or controller.flux_ref_Wb"
+        )
+
+
 @dataclass(frozen=True)
 class Ripple:
     """m_pu: the voltage's amplitude in units of V_dc."""
@@ -145,8 +157,7 @@ def ripple(
     turn = np.exp(1j * np.pi * (np.arange(ANGLES) + 0.5) / ANGLES)
     v_pu = at.v_V * turn / vdc_V
     duty = duty_ratios(v_pu, clamped, alternating)
-    if duty.min() < -1e-9 or duty.max() > 1 + 1e-9:
-        raise ValueError(f"|v| = {abs(at.v_V) / vdc_V:.3f} V_dc: beyond linear modulation")
+    within_reach(abs(at.v_V) / vdc_V)
     opposite = turned & (np.floor(np.angle(v_pu) / (np.pi / 6)) % 2 == 0)
     means = np.empty((6, 6, ANGLES))
     for a in range(6):
@@ -158,4 +169,6 @@ def ripple(
     # A leg that stays on a rail does not switch: the period is shorter at the same f_sw.
     moving = np.mean((duty > 1e-9) & (duty < 1 - 1e-9))
     rows = ripple_rows(setup, at, turn) * (vdc_V * moving / f_sw_Hz)
-    return Ripple.of(at, abs(at.v_V) / vdc_V, np.einsum("nka,nkb,abn->k", rows, rows, means) / ANGLES)
+    return Ripple.of(
+        at, abs(at.v_V) / vdc_V, np.einsum("nka,nkb,abn->k", rows, rows, means) / ANGLES
+    )

@@ -10,20 +10,22 @@ the pattern comes at each angle of the voltage. What is found is a local optimum
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
 
 import numpy as np
 
+from ...errors import InputError
 from ...parallel import each
 from ...plant.vsd import SETS, inverse
 from ...setups import Setup
-from .carrier import Ripple, ripple_rows, steady_state
+from . import carrier
+from .carrier import Ripple, SteadyState, ripple_rows, steady_state
 from .places import Place
 
-#: Weights of the torque ripple beside the distortion. Each is relative to what one leg's volt-second
-#: does in the mean over the angles of the voltage.
+#: Weights of the torque ripple beside the distortion, both relative to what a volt-second of a leg
+#: makes in the mean over the angles of the voltage.
 WEIGHTS = (0.0, 0.5, 2.0, 8.0, 32.0)
 #: Angles of the voltage; starts of each combination of pulse numbers and rails at each.
 ANGLES, STARTS = 12, 3
@@ -36,8 +38,8 @@ FIRST, SECOND = 30, 150
 OWN, OTHERS = 30, 3
 #: Patterns that are worked on at once: their numbers fit into the cache.
 AT_ONCE = 192
-#: Above this voltage, in units of V_dc, no pattern has the mean voltage at every angle.
-MOST_PU = 1 / np.sqrt(3)
+#: Allowed switching frequencies: at least so many patterns in a period of the fundamental.
+PATTERNS, MOST_HZ = 10, 1e6
 _SET_OF_LEG = np.array([0, 1] * 3)
 
 
@@ -280,9 +282,9 @@ class Point:
 Tell = Callable[[], None]
 
 
-def pieces(angles: int) -> int:
+def pieces(quick: bool) -> int:
     """How often `front` tells."""
-    return 2 * angles * len(WEIGHTS)
+    return 2 * (QUICK_ANGLES if quick else ANGLES) * len(WEIGHTS)
 
 
 def front(
@@ -294,19 +296,24 @@ def front(
     tell: Tell = lambda: None,
 ) -> list[Point]:
     """The limit at a point and a mean switching frequency, from least distortion to least torque
-    ripple. ValueError where no pattern has the mean voltage."""
+    ripple. InputError where no pattern has the mean voltage."""
     at = steady_state(setup, place, flux_Wb)
+    m_pu = float(abs(at.v_V) / setup["inverter.vdc_V"])
+    carrier.within_reach(m_pu)
+    least_Hz = PATTERNS * abs(at.omega_rad_s) / (2 * np.pi)
+    if not least_Hz <= f_sw_Hz <= MOST_HZ:
+        raise InputError(
+            f"switching frequency (--f-sw) = {f_sw_Hz:g} Hz: allowed range is {least_Hz:.0f} .. "
+            f"{MOST_HZ:g} Hz, {PATTERNS} patterns and more in a period of the fundamental"
+        )
+    if at.i_A == 0:
+        raise InputError("load = 0 N m: there is no current, so no distortion; another is needed")
     displacement_deg = float(setup["machine.displacement_deg"])
     # The legs repeat each other, some of them mirrored, after the displacement or 60 degrees.
     span = np.deg2rad(displacement_deg or 60.0)
     angles, starts = (QUICK_ANGLES, QUICK_STARTS) if quick else (ANGLES, STARTS)
     turn = np.exp(1j * span * (np.arange(angles) + 0.5) / angles)
     v_pu = at.v_V * turn / setup["inverter.vdc_V"]
-    if abs(v_pu[0]) > MOST_PU:
-        raise ValueError(
-            f"|v| = {abs(v_pu[0]):.3f} V_dc: allowed range is 0 .. {MOST_PU:.3f} V_dc "
-            "(linear modulation); a lower speed, or controller.flux_ref_Wb, is needed"
-        )
     legs = (inverse(displacement_deg)[:, :2] @ [v_pu.real, v_pu.imag]).T
     every = [_Angle(*one) for one in zip(legs, ripple_rows(setup, at, turn))]
     found: list[list[_Best]] = []  # of each weight, of each angle
@@ -317,7 +324,7 @@ def front(
         np.concatenate([one.patterns.products(one.x) for one in own]) for own in zip(*found)
     ]
     size_Vs = setup["inverter.vdc_V"] / f_sw_Hz
-    return [Point(w, _ripple(at, every, products, w, size_Vs)) for w in WEIGHTS]
+    return [Point(w, _ripple(at, m_pu, every, products, w, size_Vs)) for w in WEIGHTS]
 
 
 def _first(
@@ -355,7 +362,12 @@ def _second(
 
 
 def _ripple(
-    at, every: Iterable[_Angle], products: list[np.ndarray], weight: float, size_Vs: float
+    at: SteadyState,
+    m_pu: float,
+    every: list[_Angle],
+    products: list[np.ndarray],
+    weight: float,
+    size_Vs: float,
 ) -> Ripple:
     """Of the best pattern at each angle. Among all ways to share the switching out over the angles,
     f_sw in proportion to the cube root of the costs has the least mean of costs/f_sw^2."""
@@ -368,4 +380,4 @@ def _ripple(
     share = np.cbrt(costs)
     share /= share.mean()
     mean = np.mean(np.array(squares) / share[:, None] ** 2, axis=0)
-    return Ripple.of(at, np.nan, mean * size_Vs**2)
+    return Ripple.of(at, m_pu, mean * size_Vs**2)
