@@ -133,7 +133,8 @@ class Ripple:
 
     @classmethod
     def of(cls, at: SteadyState, m_pu: float, squares: np.ndarray) -> Ripple:
-        """From the mean squares of what `ripple_rows` has."""
+        """From the mean squares of what `ripple_rows` has; rounding may leave some below 0."""
+        squares = np.maximum(squares, 0.0)
         i_ab, i_xy = squares[:2].sum(), squares[2:4].sum()
         thd = 100 * math.sqrt(i_ab + i_xy) / abs(at.i_A)
         return cls(m_pu, math.sqrt(squares[4]), thd, math.sqrt(i_xy))

@@ -27,15 +27,14 @@ from .places import Place
 #: Weights of the torque ripple beside the distortion, both relative to what a volt-second of a leg
 #: makes in the mean over the angles of the voltage.
 WEIGHTS = (0.0, 0.5, 2.0, 8.0, 32.0)
-#: Angles of the voltage; starts of each combination of pulse numbers and rails at each.
-ANGLES, STARTS = 12, 3
-QUICK_ANGLES, QUICK_STARTS = 4, 1
+#: Angles of the voltage.
+ANGLES, QUICK_ANGLES = 12, 4
 #: Pulses of a leg in a pattern, at most.
 PULSES = 2
-#: Steps of the first round, which tries all starts, and of the second one, from the best of it.
-FIRST, SECOND = 30, 150
-#: Of how many a second round is made: of an angle's own, and of each other angle's.
-OWN, OTHERS = 30, 3
+#: Steps from one start of each kind; best kinds, starts of each, steps from these.
+TRY, KINDS, STARTS, FIRST = 8, 32, 6, 30
+#: So many of an angle's best, and of each other angle's best; steps from these.
+OWN, OTHERS, SECOND = 20, 3, 100
 #: Patterns that are worked on at once: their numbers fit into the cache.
 AT_ONCE = 192
 #: Allowed switching frequencies: at least so many patterns in a period of the fundamental.
@@ -70,6 +69,11 @@ class Patterns:
         x = rng.normal(0.0, 0.5, (len(self.pulses), self.free))
         x[:, : -2 : 2 * PULSES - 1] = rng.random((len(x), 6))
         return x
+
+    def edges(self, x: np.ndarray) -> np.ndarray:
+        """(n, 6, pulses, 2): when each pulse of each leg begins and ends, in lengths of the pattern
+        and modulo 1; those that a leg does not have are there too."""
+        return self._edges(x)[0]
 
     @property
     def _on(self) -> np.ndarray:
@@ -234,13 +238,14 @@ class _Angle:
         weights = np.broadcast_to(self.weights(weight), (n, 6, 6))
         return Patterns(np.broadcast_to(self.legs_pu, (n, 6)), pulses, rails, weights)
 
-    def start(self, weight: float, starts: int) -> Patterns:
+    def kinds(self, weight: float) -> Patterns:
+        """One of each combination of pulse numbers and rails."""
         rails, by_size = combinations()
         pulses = np.empty((len(rails), 6), int)
         for one, legs in enumerate(SETS):
             order = np.array(legs)[np.argsort(-self.legs_pu[list(legs)])]
             pulses[:, order] = by_size[:, one]
-        return self.patterns(np.repeat(rails, starts, 0), np.repeat(pulses, starts, 0), weight)
+        return self.patterns(rails, pulses, weight)
 
     def fits(self, patterns: Patterns) -> np.ndarray:
         """Which of another angle's patterns can be here: the same leg is the one on the rail."""
@@ -311,14 +316,14 @@ def front(
     displacement_deg = float(setup["machine.displacement_deg"])
     # The legs repeat each other, some of them mirrored, after the displacement or 60 degrees.
     span = np.deg2rad(displacement_deg or 60.0)
-    angles, starts = (QUICK_ANGLES, QUICK_STARTS) if quick else (ANGLES, STARTS)
+    angles = QUICK_ANGLES if quick else ANGLES
     turn = np.exp(1j * span * (np.arange(angles) + 0.5) / angles)
     v_pu = at.v_V * turn / setup["inverter.vdc_V"]
     legs = (inverse(displacement_deg)[:, :2] @ [v_pu.real, v_pu.imag]).T
     every = [_Angle(*one) for one in zip(legs, ripple_rows(setup, at, turn))]
     found: list[list[_Best]] = []  # of each weight, of each angle
     for seed, weight in enumerate(WEIGHTS):
-        first = each(partial(_first, every, weight, seed, starts, tell), range(angles))
+        first = each(partial(_first, every, weight, seed, tell), range(angles))
         found.append(each(partial(_second, every, weight, first, found, tell), range(angles)))
     products = [
         np.concatenate([one.patterns.products(one.x) for one in own]) for own in zip(*found)
@@ -331,9 +336,13 @@ def _first(
     every: list[_Angle], weight: float, seed: int, starts: int, tell: Tell, number: int
 ) -> _Best:
     """From all starts at this angle."""
-    patterns = every[number].start(weight, starts)
     rng = np.random.default_rng([37, seed, number])
-    found = _Best.of(patterns, patterns.random(rng), FIRST, OWN)
+    kinds = every[number].kinds(weight)
+    best = _Best.of(kinds, kinds.random(rng), TRY, KINDS)
+    patterns = best.patterns[np.repeat(np.arange(KINDS), STARTS)]
+    x = patterns.random(rng)
+    x[::STARTS] = best.x
+    found = _Best.of(patterns, x, FIRST, OWN)
     tell()
     return found
 
