@@ -27,14 +27,15 @@ from .places import Place
 #: Weights of the torque ripple beside the distortion, both relative to what a volt-second of a leg
 #: makes in the mean over the angles of the voltage.
 WEIGHTS = (0.0, 0.5, 2.0, 8.0, 32.0)
-#: Angles of the voltage.
-ANGLES, QUICK_ANGLES = 12, 4
+#: Angles of the voltage. All kinds of patterns are tried at every third one, the best of them at
+#: all of them.
+ANGLES, QUICK_ANGLES, EVERY = 12, 5, 3
 #: Pulses of a leg in a pattern, at most.
 PULSES = 2
-#: Steps from one start of each kind; best kinds, starts of each, steps from these.
-TRY, KINDS, STARTS, FIRST = 8, 32, 6, 30
-#: So many of an angle's best, and of each other angle's best; steps from these.
-OWN, OTHERS, SECOND = 20, 3, 100
+#: Starts of each kind, steps from each; steps from the best fourth of them.
+STARTS, TRY, FIRST = 3, 30, 60
+#: So many of the best are handed on, and so many are kept of a weight; steps from all of these.
+OWN, KEPT, SECOND = 10, 3, 120
 #: Patterns that are worked on at once: their numbers fit into the cache.
 AT_ONCE = 192
 #: Allowed switching frequencies: at least so many patterns in a period of the fundamental.
@@ -271,9 +272,6 @@ class _Best:
         order = np.argsort(costs)[:kept]
         return cls(patterns[order], x[order])
 
-    def first(self, count: int) -> _Best:
-        return _Best(self.patterns[:count], self.x[:count])
-
 
 @dataclass(frozen=True)
 class Point:
@@ -289,7 +287,8 @@ Tell = Callable[[], None]
 
 def pieces(quick: bool) -> int:
     """How often `front` tells."""
-    return 2 * (QUICK_ANGLES if quick else ANGLES) * len(WEIGHTS)
+    angles = QUICK_ANGLES if quick else ANGLES
+    return (angles + len(range(1, angles, EVERY))) * len(WEIGHTS)
 
 
 def front(
@@ -323,7 +322,7 @@ def front(
     every = [_Angle(*one) for one in zip(legs, ripple_rows(setup, at, turn))]
     found: list[list[_Best]] = []  # of each weight, of each angle
     for seed, weight in enumerate(WEIGHTS):
-        first = each(partial(_first, every, weight, seed, tell), range(angles))
+        first = each(partial(_first, every, weight, seed, tell), range(1, angles, EVERY))
         found.append(each(partial(_second, every, weight, first, found, tell), range(angles)))
     products = [
         np.concatenate([one.patterns.products(one.x) for one in own]) for own in zip(*found)
@@ -332,17 +331,13 @@ def front(
     return [Point(w, _ripple(at, m_pu, every, products, w, size_Vs)) for w in WEIGHTS]
 
 
-def _first(
-    every: list[_Angle], weight: float, seed: int, starts: int, tell: Tell, number: int
-) -> _Best:
+def _first(every: list[_Angle], weight: float, seed: int, tell: Tell, number: int) -> _Best:
     """From all starts at this angle."""
-    rng = np.random.default_rng([37, seed, number])
     kinds = every[number].kinds(weight)
-    best = _Best.of(kinds, kinds.random(rng), TRY, KINDS)
-    patterns = best.patterns[np.repeat(np.arange(KINDS), STARTS)]
-    x = patterns.random(rng)
-    x[::STARTS] = best.x
-    found = _Best.of(patterns, x, FIRST, OWN)
+    patterns = kinds[np.repeat(np.arange(len(kinds.pulses)), STARTS)]
+    x = patterns.random(np.random.default_rng([37, seed, number]))
+    tried = _Best.of(patterns, x, TRY, len(x) // 4)
+    found = _Best.of(tried.patterns, tried.x, FIRST, OWN)
     tell()
     return found
 
@@ -355,9 +350,9 @@ def _second(
     tell: Tell,
     number: int,
 ) -> _Best:
-    """From the angle's best ones, and from the best ones of other angles and of other weights."""
+    """From the best ones of those angles, and from this angle's of other weights."""
     angle = every[number]
-    pool = [first[number], *(one.first(OTHERS) for one in first), *(one[number] for one in before)]
+    pool = [*first, *(one[number] for one in before)]
     rails, pulses, x = [], [], []
     for one in pool:
         fits = angle.fits(one.patterns)
@@ -365,7 +360,7 @@ def _second(
         pulses.append(one.patterns.pulses[fits])
         x.append(one.x[fits])
     patterns = angle.patterns(np.concatenate(rails), np.concatenate(pulses), weight)
-    found = _Best.of(patterns, np.concatenate(x), SECOND, OTHERS)
+    found = _Best.of(patterns, np.concatenate(x), SECOND, KEPT)
     tell()
     return found
 
