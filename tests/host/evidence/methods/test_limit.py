@@ -154,7 +154,9 @@ def test_no_random_pattern_is_below_the_optimum():
 
 @pytest.fixture(scope="module")
 def front():
-    return limit.front(PLACE.base, PLACE, 3e3, 0.6, quick=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(limit, "WEIGHTS", (0.0, 2.0, 32.0))
+        return limit.front(PLACE.base, PLACE, 3e3, 0.6, quick=True)
 
 
 def test_the_front_trades_one_figure_for_the_other(front):
@@ -225,6 +227,8 @@ def test_the_study_has_every_winding_and_names_what_is_below_it(
     name, carriers, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(limit, "WEIGHTS", (0.0, 8.0))
+    monkeypatch.setattr(limit, "STARTS", 1)
+    monkeypatch.setattr(limit, "QUICK_ANGLES", 2)
     told = []
     where = study.at_point(setups.load(name))
     result = study.study([where], 4e3, quick=True, tell=lambda: told.append(1))
