@@ -82,14 +82,15 @@ def _computed(axis: Axes, at_1kHz: float, last_kHz: float, line: str, label: str
     axis.plot(f_kHz, at_1kHz / f_kHz, line, color=plots.INK, linewidth=1.1, label=label)
 
 
-def _logarithmic(axis: Axes) -> None:
-    """The vertical axis, with 1, 2 and 5 of each decade named."""
+def logarithmic(axis: Axes, *of: str) -> None:
+    """The axes "x", "y" of a panel, with 1, 2 and 5 of each decade named."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    axis.set_yscale("log")
-    axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.yaxis.set_minor_locator(NullLocator())
+    axis.set(**{f"{one}scale": "log" for one in of})
+    for one in (getattr(axis, f"{one}axis") for one in of):
+        one.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        one.set_minor_locator(NullLocator())
 
 
 def _panel(axis: Axes, at: At, figure: str, look: Look) -> None:
@@ -108,7 +109,7 @@ def _panel(axis: Axes, at: At, figure: str, look: Look) -> None:
         if figure in at.least_at_1kHz:
             value = at.least_at_1kHz[figure]
             _computed(axis, value, look.last_kHz, "-", "limit of all pulse patterns")
-        _logarithmic(axis)
+        logarithmic(axis, "y")
     elif look.dots:
         last_Hz = 1e3 * look.last_kHz
         shown = [r[figure] for rows in at.rows.values() for r in rows if r["f_sw_Hz"] < last_Hz]

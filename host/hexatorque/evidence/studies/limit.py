@@ -7,8 +7,11 @@ import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import numpy as np
+
 from ...setups import Setup
 from ..methods import carrier, limit
+from ..methods.methods import OURS
 from ..methods.places import PLACES, Place, label
 from .grids import Grid
 
@@ -105,7 +108,7 @@ def plot(
     """The limit's front in the plane of both figures, at each point. methods: point -> method ->
     the least THD and the least Td that it reaches, for a mark."""
     from ...analysis import plots
-    from ..methods.pictures import one_legend, style
+    from ..methods.pictures import LAW_COLOURS, logarithmic, one_legend, style
 
     points = result["points"]
     columns = min(len(points), 4)
@@ -114,23 +117,27 @@ def plot(
     for axis in axes.flat[len(points) :]:
         axis.set_visible(False)
     for axis, at in zip(axes.flat, points):
-        thd, td = ([one[key] for one in at["limit"]] for key in ("thd_inf_pct", "td_Nm"))
-        axis.fill_between([0, *thd, 1e3], [1e6, *td, td[-1]], 1e-9, color=plots.FAINT, alpha=0.5)
-        axis.plot(thd, td, "-", color=plots.INK, marker=".", label="limit of all patterns")
+        thd, td = (np.array([one[key] for one in at["limit"]]) for key in ("thd_inf_pct", "td_Nm"))
+        # Between two points their patterns take turns, so the squares are means.
+        ends = np.arange(len(thd))
+        share = np.linspace(0, len(thd) - 1, 20 * len(thd))
+        lines = [np.sqrt(np.interp(share, ends, one**2)) for one in (thd, td)]
+        axis.fill_between([0, *lines[0], 1e3], [1e6, *lines[1], td[-1]], 1e-9, color=plots.FAINT)
+        axis.plot(*lines, "-", color=plots.INK, label="limit of all patterns")
+        axis.plot(thd, td, ".", color=plots.INK)
         shown = [*zip(thd, td)]
         for marker, (name, known) in zip("v^<>", at["carrier"].items()):
             one = known["thd_inf_pct"], known["td_Nm"]
             axis.plot(*one, marker, color=plots.INK, fillstyle="none", markersize=5, label=name)
             shown.append(one)
         for name, one in (methods or {}).get(at["point"], {}).items():
-            colour = style(name)["color"]
-            axis.plot(*one, "P", color=colour, markersize=6, label=name)
+            marker = "P" if name.startswith(OURS) else "X" if name in LAW_COLOURS else "D"
+            axis.plot(*one, marker, color=style(name)["color"], markersize=6, label=name)
             shown.append(one)
-        axis.set_xscale("log")
-        axis.set_yscale("log")
+        logarithmic(axis, "x", "y")
         for set_ends, values in zip((axis.set_xlim, axis.set_ylim), zip(*shown)):
             set_ends(0.85 * min(values), 1.15 * max(values))
-        axis.set_title(at["point"], **plots.TITLE)
+        axis.set_title(at["point"].replace(", ", "\n", 1), **plots.TITLE)
     for axis in axes[:, 0]:
         axis.set_ylabel("Td [N m]", **plots.LABEL)
     for axis in axes[-1]:
