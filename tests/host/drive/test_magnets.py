@@ -127,8 +127,8 @@ def test_an_encoder_that_counts_backwards_gives_no_torque():
 
 def test_a_table_holds_the_flux_while_r_i_takes_the_place_of_the_emf():
     """Where the machine brakes and R_s i is about the magnets' voltage, nearly no voltage turns the
-    flux, and the table's vectors, 75 degrees away from it, cannot raise it either. It carries L i as
-    well as the magnets' flux, and that part decays under zero vectors."""
+    flux, and the table's vectors, 75 degrees away from it, cannot raise it either. L i is a part of
+    it, and that part decays under zero vectors."""
     sheet_ohm = setups.load("magnet-24v")["machine.rs_ohm"]
     drive, design = begun(
         "magnet-24v", "ddr", machine__rs_ohm=1.32 * sheet_ohm, controller__rs_ohm=sheet_ohm
