@@ -125,6 +125,20 @@ def test_an_encoder_that_counts_backwards_gives_no_torque():
     assert abs(drive.plant_state[7]) < 2 * np.pi / drive.machine.pole_pairs
 
 
+def test_a_table_holds_the_flux_while_r_i_takes_the_place_of_the_emf():
+    """Where the machine brakes and R_s i is about the magnets' voltage, nearly no voltage turns the
+    flux, and the table's vectors, 75 degrees away from it, cannot raise it either. L i is a part of
+    it, and that part decays under zero vectors."""
+    sheet_ohm = setups.load("magnet-24v")["machine.rs_ohm"]
+    drive, design = begun(
+        "magnet-24v", "ddr", machine__rs_ohm=1.32 * sheet_ohm, controller__rs_ohm=sheet_ohm
+    )
+    rec = at(drive, design, -0.34, 0.95)
+    flux_Wb = np.hypot(rec["psi_alpha_Wb"], rec["psi_beta_Wb"])
+    assert flux_Wb.mean() > 0.95 * rec["flux_ref_Wb"].mean()
+    assert abs(rec["plant.speed_rpm"].mean() / design.rated_rpm + 0.34) < 0.01
+
+
 @pytest.mark.parametrize("name, scheme", DRIVES)
 def test_operating_points(name, scheme):
     """3, 30 and 100 % of rated speed with rated torque of both signs: the estimated torque is
