@@ -376,8 +376,8 @@ def test_a_profile_above_the_ceiling_is_refused_in_a_line():
 @pytest.mark.parametrize("name, share", [("magnet-interior", 0.1), ("magnet-surface", 0.1),
                                          ("magnet-24v", 0.25)])  # fmt: skip
 def test_the_step_of_the_first_spin(name, share):
-    """At a small part of the dc link the ceiling is that part, too, and R_s damps: the current stays
-    below psi_f/L_d. 24 V give a quarter: a tenth would be the devices' drops."""
+    """At a small part of the dc link the ceiling is that part, too, and R_s damps: the current
+    stays below psi_f/L_d. 24 V give a quarter: a tenth would be the devices' drops."""
     base = setups.load(name)
     vdc_V = share * base["inverter.vdc_V"]
     drive = drive_of(
