@@ -28,9 +28,11 @@ bool ht_law_commands_voltage(ht_law law)
     static const bool commands[HT_LAWS] = {
 #define HT_VECTOR_LAW(id, law) false,
 #define HT_VOLTAGE_LAW(id, law) true,
+#define HT_PATTERN_LAW HT_VOLTAGE_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     };
     return ((unsigned)law < (unsigned)HT_LAWS) && commands[law];
 }
@@ -66,6 +68,7 @@ float ht_scheme_xy_step_pu(const ht_scheme_info *row, ht_winding winding)
         return XY_LARGE_PU;
     case HT_VECTORS_PAIR:
     case HT_VECTORS_MODULATED:
+    case HT_VECTORS_INTERLEAVED:
         return XY_MEDIUM_PU;
     case HT_VECTORS_PAIR_SMALL:
         return XY_SMALL_PU;

@@ -19,9 +19,11 @@ typedef enum {
 typedef enum {
 #define HT_VECTOR_LAW(id, law) HT_LAW_##id,
 #define HT_VOLTAGE_LAW HT_VECTOR_LAW
+#define HT_PATTERN_LAW HT_VECTOR_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     HT_LAWS
 } ht_law;
 
@@ -33,7 +35,8 @@ typedef enum {
     HT_VECTORS_VIRTUAL = 3,    /**< three consecutive vectors of the group */
     HT_VECTORS_MODULATED = 4,  /**< no table: those that a modulator makes of a voltage */
     HT_VECTORS_CENTRED = 5,    /**< the same: zero sequences centred, carriers in phase */
-    HT_VECTORS_TURNED = 6      /**< the same: set 2's carrier turned in every second sector */
+    HT_VECTORS_TURNED = 6,     /**< the same: set 2's carrier turned in every second sector */
+    HT_VECTORS_INTERLEAVED = 7 /**< the same: carriers a quarter of their period apart */
 } ht_vectors;
 
 typedef struct {
@@ -48,7 +51,7 @@ typedef struct {
 /** Row of a scheme, or NULL if there is no such number. */
 const ht_scheme_info *ht_scheme_describe(uint16_t scheme);
 
-/** True if a law commands a voltage (ht_voltage_law.h). It needs shadow load and prediction. */
+/** True if a law commands a voltage (ht_voltage_law.h), or a pattern from the same. It needs shadow load and prediction. */
 bool ht_law_commands_voltage(ht_law law);
 
 /** True if the scheme regulates the x-y currents to zero. */
