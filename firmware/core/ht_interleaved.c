@@ -14,32 +14,25 @@
 #define FULL_PU2 0.1225f
 /* Share of its room that a pulse may move by, on either side of the middle. */
 #define ROOM_SHARE 0.45f
-/* Of the slope, the share that one leg in three goes. */
+/* Of the slope, what one leg in three goes. */
 #define SLOPE 6.0f
 /* What a position moves by in a half, at most: 0.025 at a carrier of 4 kHz. */
 #define CAP_HZ 100.0f
 #define CAP_MOST 0.06f
 /* Where pulses lie at low voltage: their edges are then in the middle of a period. */
 #define EARLY 0.125f
-/* Beyond this share pulses of set 2 go to the other side. */
+/* What set 2's carrier is behind set 1's. */
 #define CARRIER_2 0.25f
 
 /* Legs of a set. The first lies at 0 or 270 degrees, the others 120 and 240 behind. */
 static const uint16_t leg_of[2][3] = {{0u, 2u, 4u}, {5u, 1u, 3u}};
-static const ht_ab direction[2][3] = {
-    {{1.0f, 0.0f}, {-0.5f, COS_30}, {-0.5f, -COS_30}},
-    {{0.0f, -1.0f}, {COS_30, 0.5f}, {-COS_30, 0.5f}},
-};
-/* Of two legs of different sets: +1 where 30 degrees lie between, -1 where 150 do, 0 where 90 do. */
-static const float sense[3][3] = {
-    {0.0f, 1.0f, -1.0f}, {-1.0f, 0.0f, 1.0f}, {1.0f, -1.0f, 0.0f}};
-
 void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
                               float in_phase)
 {
     float rho2 = rho * rho;
     float cap = CAP_HZ * HT_CARRIER_PERIODS / f_isr_Hz;
     cfg->weight = weight;
+    cfg->scale = SLOPE / (1.0f + weight);
     cfg->alike = COS_30 * (1.0f - rho2) / (1.0f + rho2);
     cfg->cap = (cap < CAP_MOST) ? cap : CAP_MOST;
     cfg->early[0] = EARLY;
@@ -48,7 +41,8 @@ void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rh
 
 bool ht_interleaved_check(const ht_interleaved_config *cfg)
 {
-    return (cfg->weight >= 0.0f) && (cfg->weight < 1.0e3f) && (fabsf(cfg->alike) <= 1.0f)
+    return (cfg->weight >= 0.0f) && (cfg->weight < 1.0e3f) && (cfg->scale > 0.0f)
+           && (cfg->scale <= SLOPE) && (fabsf(cfg->alike) <= 1.0f)
            && (cfg->cap > 0.0f) && (cfg->cap <= CAP_MOST) && (fabsf(cfg->early[0]) <= EARLY)
            && (fabsf(cfg->early[1]) <= EARLY); /* NaN is not */
 }
@@ -69,95 +63,85 @@ void ht_interleaved_reset(ht_interleaved_state *st)
     st->turn = 0u;
 }
 
-/* Duty ratios of a set: its commands, with the middle of largest and smallest at half. NaN: 0. */
-static HT_INTO_CALLERS void duties(unsigned a, ht_ab v, float d[3])
+/* `value` within `half` of `centre`, without a comparison. NaN stays. */
+static HT_INTO_CALLERS float within(float value, float centre, float half)
 {
-    float p = (a == 0u) ? v.alpha : -v.beta;
-    float q = COS_30 * ((a == 0u) ? v.beta : v.alpha);
-    float half = fabsf(q);
-    float above = fabsf(1.5f * p + half);
-    float below = fabsf(1.5f * p - half);
-    float zero = 0.5f - 0.25f * (p + (below - above));
-    float middle = zero - 0.5f * p;
-    d[0] = ht_between(zero + p, 0.0f, 1.0f);
-    d[1] = ht_between(middle + q, 0.0f, 1.0f);
-    d[2] = ht_between(middle - q, 0.0f, 1.0f);
+    float x = value - centre;
+    return centre + 0.5f * (fabsf(x + half) - fabsf(x - half));
 }
 
-/* x squared where x is above 0. */
+/* Where the legs of a set toggle, share of the half: its commands, with the middle of largest and smallest
+ * at half. NaN: 0. */
+static HT_INTO_CALLERS void shares_of(unsigned a, float sense, ht_ab v, float share[3])
+{
+    float p = sense * ((a == 0u) ? v.alpha : -v.beta);
+    float q = (sense * COS_30) * ((a == 0u) ? v.beta : v.alpha);
+    float half = fabsf(q);
+    float first = 1.5f * p;
+    float zero = 0.5f - 0.25f * (p + (fabsf(first - half) - fabsf(first + half)));
+    float middle = zero - 0.5f * p;
+    share[0] = ht_between(zero + p, 0.0f, 1.0f);
+    share[1] = ht_between(middle + q, 0.0f, 1.0f);
+    share[2] = ht_between(middle - q, 0.0f, 1.0f);
+}
+
+/* Twice x where x is above 0, squared. */
 static HT_INTO_CALLERS float above2(float x)
 {
-    return (x > 0.0f) ? (x * x) : 0.0f;
+    float twice = x + fabsf(x);
+    return twice * twice;
 }
 
-/* By what two pulses of the duty ratios d and e, whose middles are `apart`, want to change their distance.
- * `apart`: -1 .. 1. */
+/* By what two pulses of the duty ratios d and e, whose middles are `apart` (-1 .. 1), want to change their
+ * distance. */
 static HT_INTO_CALLERS float pull(float d, float e, float apart)
 {
     float y = apart + ((apart < 0.0f) ? 0.5f : -0.5f);
     float size = fabsf(y) - 0.5f;
     float differ = 0.5f * fabsf(d - e);
     float mean = 0.5f * (d + e);
-    float p = 3.0f
-              * (above2(size + mean) - above2(size + differ) - above2(mean - 1.0f - size)
-                 - 2.0f * (size + 0.5f) * d * e);
+    float p = 0.75f * (above2(size + mean) - above2(size + differ) - above2(mean - 1.0f - size))
+              - (6.0f * size + 3.0f) * (d * e);
     return (y < 0.0f) ? -p : p;
 }
 
-/* The slope of J in the position of leg k of set a, downwards. */
+/* Parts of the legs of a set along a vector. */
+static HT_INTO_CALLERS void parts(unsigned a, ht_ab v, float part[3])
+{
+    float p = (a == 0u) ? v.alpha : -v.beta;
+    float q = COS_30 * ((a == 0u) ? v.beta : v.alpha);
+    part[0] = p;
+    part[1] = q - 0.5f * p;
+    part[2] = -q - 0.5f * p;
+}
+
+/* The slope of J in the position of leg k of set a, downwards. Of the other set's legs the one of the same
+ * number lies 90 degrees away, the next one of set 2 30 degrees from a leg of set 1, the third one 150. */
 static HT_INTO_CALLERS float slope(const ht_interleaved_config *cfg, const ht_interleaved_state *st,
                                    unsigned a, unsigned k, ht_ab quad)
 {
+    static const uint16_t after[3] = {1u, 2u, 0u};
     const ht_interleaved_set *own = &st->set[a];
     const ht_interleaved_set *other = &st->set[1u - a];
-    ht_ab e = direction[a][k];
-    float torque = cfg->weight * (e.alpha * quad.alpha + e.beta * quad.beta);
+    float alike = (a == 0u) ? cfg->alike : -cfg->alike;
+    float ours[3];
+    float theirs[3];
+    float torque;
     float d = own->d[k];
     float delta = own->delta[k];
     float behind = (a == 0u) ? (delta - CARRIER_2) : (delta + CARRIER_2);
-    float sum = 0.0f;
-    unsigned n;
-    for (n = 0u; n < 3u; n++) {
-        ht_ab f = direction[1u - a][n];
-        float s = (a == 0u) ? sense[k][n] : sense[n][k];
-        float weight = cfg->alike * s + torque * (f.alpha * quad.alpha + f.beta * quad.beta);
-        sum += weight * pull(d, other->d[n], behind - other->delta[n]);
-        if (n != k) {
-            f = direction[a][n];
-            weight = torque * (f.alpha * quad.alpha + f.beta * quad.beta) - 0.5f;
-            sum += weight * pull(d, own->d[n], delta - own->delta[n]);
-        }
-    }
-    return sum / (1.0f + cfg->weight);
-}
-
-/* Counts from the half's begin at which a leg toggles. 0: it is on its rail before that already; all:
- * it stays where it starts. */
-static HT_INTO_CALLERS uint32_t edge_counts(float at, const ht_period *p)
-{
-    float full = (float)p->counts;
-    float whole = HT_HALF_PERIODS * full;
-    float half_shortest = 0.5f * (float)p->shortest;
-    float counts = at * full + 0.5f;
-    uint32_t count;
-    uint32_t end = p->counts;
-    uint32_t shortest = p->shortest;
-    uint32_t least;
-    if (!(counts > half_shortest)) { /* NaN is not */
-        return 0u;
-    }
-    if (counts > (whole - half_shortest)) {
-        return 2u * end;
-    }
-    count = (uint32_t)counts;
-    least = (count < end) ? 0u : end;
-    if (count < (least + shortest)) {
-        count = least + shortest;
-    }
-    if ((count + shortest) > (least + end)) {
-        count = least + end - shortest;
-    }
-    return count;
+    unsigned m = after[k];
+    unsigned n = after[m];
+    float sum;
+    parts(a, quad, ours);
+    parts(1u - a, quad, theirs);
+    torque = cfg->weight * ours[k];
+    sum = (torque * theirs[k]) * pull(d, other->d[k], behind - other->delta[k]);
+    sum += (alike + torque * theirs[m]) * pull(d, other->d[m], behind - other->delta[m]);
+    sum += (torque * theirs[n] - alike) * pull(d, other->d[n], behind - other->delta[n]);
+    sum += (torque * ours[m] - 0.5f) * pull(d, own->d[m], delta - own->delta[m]);
+    sum += (torque * ours[n] - 0.5f) * pull(d, own->d[n], delta - own->delta[n]);
+    return cfg->scale * sum;
 }
 
 /* Pattern that is being made. */
@@ -191,17 +175,87 @@ static HT_INTO_CALLERS void toggles_at(making *m, unsigned leg, uint16_t count, 
     toggles->t[leg] = t;
 }
 
-/* Where a pulse goes: where it was, improved, within what its room and the voltage allow. */
-static HT_INTO_CALLERS float placed(const ht_interleaved_config *cfg, float d, float delta,
-                                    float better, float act, float early, float dead)
+/* What the legs of a set have in common in a half. */
+typedef struct {
+    const ht_interleaved_config *cfg;
+    float sense;      /* 1 falling, -1 rising */
+    float act;        /* share with which positions are optimised */
+    float early;      /* where the pulses lie else */
+    float full;       /* counts of a period */
+    float dead;       /* dead time in periods */
+    float dead_half2; /* a quarter of it ... */
+    float dead_per_A; /* ... and the same over the current from which it acts fully */
+    uint16_t end;
+    uint16_t shortest;
+} half_of;
+
+/* Where a pulse goes: to where it is better, within what its room and the voltage allow. */
+static HT_INTO_CALLERS float placed(const half_of *h, float share, float was, float better)
 {
-    float least = (d < 0.5f) ? d : (1.0f - d);
-    float room = ROOM_SHARE * least - 0.25f * dead;
-    float wanted = (1.0f - act) * early;
-    float around = act * room;
-    float to = ht_between(better, wanted - around, wanted + around);
-    room = (room > 0.0f) ? room : 0.0f;
-    return ht_limited(ht_between(to, delta - cfg->cap, delta + cfg->cap), room);
+    float room = ROOM_SHARE * (0.5f - fabsf(share - 0.5f)) - 0.25f * h->dead;
+    float to = within(better, (1.0f - h->act) * h->early, h->act * fabsf(room));
+    return ht_limited(within(to, was, h->cfg->cap), (room > 0.0f) ? room : 0.0f);
+}
+
+/* Counts from the half's begin at which a leg toggles, the shortest pulse away from both periods' ends. 0:
+ * it is on its rail before that already; `2 end`: it stays where it starts. */
+static HT_INTO_CALLERS uint32_t edge_counts(const half_of *h, float share, float at)
+{
+    uint32_t end = h->end;
+    uint32_t shortest = h->shortest;
+    uint32_t from = 0u; /* of the period */
+    uint32_t count;
+    if (share >= 1.0f) {
+        return 2u * end;
+    }
+    count = (uint32_t)(ht_between(at, 0.0f, HT_HALF_PERIODS) * h->full + 0.5f);
+    if (count >= end) {
+        from = end;
+        count -= end;
+    }
+    if (count < shortest) {
+        if ((from == 0u) && (2u * count < shortest)) {
+            return 0u;
+        }
+        count = shortest;
+    } else if ((count + shortest) > end) {
+        if ((from != 0u) && (2u * count + shortest > 2u * end)) {
+            return 2u * end;
+        }
+        count = end - shortest;
+    } else {
+        /* far from both */
+    }
+    return from + count;
+}
+
+/* A leg begins its half. Returns its part of what the flux will be off. */
+static HT_INTO_CALLERS float begin_leg(const half_of *h, ht_interleaved_set *set, unsigned k,
+                                       unsigned leg, float share, float better, float i_A,
+                                       making *m, ht_compare *out, ht_toggles *toggles)
+{
+    bool rising = h->sense < 0.0f;
+    float was = set->delta[k];
+    float delta = placed(h, share, was, better);
+    float x = h->dead_per_A * i_A;
+    float shift = fabsf(x + h->dead_half2) - fabsf(x - h->dead_half2);
+    float moved = share * (delta - was) + was;
+    float at = HT_HALF_PERIODS * share + HT_CARRIER_PERIODS * moved + h->sense * shift
+               - 0.5f * h->dead;
+    uint32_t count = edge_counts(h, share, at);
+    set->delta[k] = delta;
+    if (count == 0u) {
+        stays(m, leg, rising, out, toggles);
+    } else if (count < h->end) {
+        toggles_at(m, leg, (uint16_t)count, rising, out, toggles);
+    } else {
+        if (count < (2u * (uint32_t)h->end)) {
+            set->next[k] = (uint16_t)(count - h->end);
+            set->moves |= HT_LEG_U1 >> leg;
+        }
+        stays(m, leg, !rising, out, toggles);
+    }
+    return share * delta;
 }
 
 /* The half of set `a` begins. */
@@ -211,59 +265,43 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
                                    ht_toggles *toggles)
 {
     ht_interleaved_set *set = &st->set[a];
-    bool rising = st->quarter < 2u;
-    float dead = in->dead->dead_pu;
-    float half_per_A = 0.5f * dead / in->dead->i_zero_A;
-    float act = ht_between((command->steady2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f,
-                           1.0f);
-    unsigned own = st->turn;
-    float better;
-    float d[3];
-    ht_ab off = {0.0f, 0.0f};
+    const float *i_A = in->i_A->p;
+    float share[3];
+    float better[3];
+    float part[3];
+    float p;
+    float q;
+    ht_ab off;
+    half_of h;
     unsigned k;
-    duties(a, command->v_pu, d);
-    set->d[0] = d[0];
-    set->d[1] = d[1];
-    set->d[2] = d[2];
-    better = set->delta[own];
-    if (act > 0.0f) {
-        better += ht_limited(SLOPE * slope(cfg, st, a, own, command->quad), cfg->cap);
+    h.cfg = cfg;
+    h.sense = (st->quarter < 2u) ? -1.0f : 1.0f;
+    h.act = ht_between((command->steady2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f, 1.0f);
+    h.early = cfg->early[a];
+    h.end = in->period->counts;
+    h.shortest = in->period->shortest;
+    h.full = (float)h.end;
+    h.dead = in->dead->dead_pu;
+    h.dead_half2 = 0.25f * h.dead;
+    h.dead_per_A = h.dead_half2 / in->dead->i_zero_A;
+    shares_of(a, h.sense, command->v_pu, share);
+    for (k = 0u; k < 3u; k++) {
+        set->d[k] = 0.5f + h.sense * (share[k] - 0.5f);
+        better[k] = set->delta[k];
     }
     set->moves = 0u;
+    if (h.act > 0.0f) {
+        k = st->turn;
+        better[k] += ht_limited(slope(cfg, st, a, k, command->quad), cfg->cap);
+    }
     for (k = 0u; k < 3u; k++) {
         unsigned leg = leg_of[a][k];
-        float was = set->delta[k];
-        float low = 1.0f - d[k];
-        float delta =
-            placed(cfg, d[k], was, (k == own) ? better : was, act, cfg->early[a], dead);
-        float shift = ht_limited(half_per_A * in->i_A->p[leg], 0.5f * dead);
-        float moved = rising ? (low * delta + d[k] * was) : (d[k] * delta + low * was);
-        float at = HT_HALF_PERIODS * (rising ? low : d[k]) + HT_CARRIER_PERIODS * moved
-                   + (rising ? -shift : shift) - 0.5f * dead;
-        float c = rising ? -low : d[k];
-        uint32_t count = edge_counts(at, in->period);
-        if (!(d[k] > 0.0f)) {
-            count = rising ? (2u * (uint32_t)m->end) : 0u;
-        } else if (d[k] >= 1.0f) {
-            count = rising ? 0u : (2u * (uint32_t)m->end);
-        } else {
-            /* between the rails */
-        }
-        set->delta[k] = delta;
-        off.alpha += c * delta * direction[a][k].alpha;
-        off.beta += c * delta * direction[a][k].beta;
-        if ((count == 0u) || (count >= 2u * (uint32_t)m->end)) {
-            stays(m, leg, rising == (count == 0u), out, toggles);
-        } else if (count < m->end) {
-            toggles_at(m, leg, (uint16_t)count, rising, out, toggles);
-        } else {
-            set->next[k] = (uint16_t)(count - m->end);
-            set->moves |= HT_LEG_U1 >> leg;
-            stays(m, leg, !rising, out, toggles);
-        }
+        part[k] = begin_leg(&h, set, k, leg, share[k], better[k], i_A[leg], m, out, toggles);
     }
-    off.alpha *= TWO_THIRDS * HT_CARRIER_PERIODS;
-    off.beta *= TWO_THIRDS * HT_CARRIER_PERIODS;
+    p = (h.sense * TWO_THIRDS * HT_CARRIER_PERIODS) * (part[0] - 0.5f * (part[1] + part[2]));
+    q = (h.sense * TWO_THIRDS * HT_CARRIER_PERIODS * COS_30) * (part[1] - part[2]);
+    off.alpha = (a == 0u) ? p : q;
+    off.beta = (a == 0u) ? q : -p;
     return off;
 }
 
@@ -300,8 +338,13 @@ ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state
     m.rises = 0u;
     m.end = in->period->counts;
     m.per_count = 1.0f / (float)m.end;
-    off = begin(cfg, st, a, command, in, &m, out, toggles);
-    go_on(st, 1u - a, before, &m, out, toggles);
+    if (a == 0u) { /* each with constants in place of what depends on the set */
+        off = begin(cfg, st, 0u, command, in, &m, out, toggles);
+        go_on(st, 1u, before, &m, out, toggles);
+    } else {
+        off = begin(cfg, st, 1u, command, in, &m, out, toggles);
+        go_on(st, 0u, before, &m, out, toggles);
+    }
     if (st->quarter == 3u) {
         st->turn = (st->turn == 2u) ? 0u : (uint16_t)(st->turn + 1u);
     }
