@@ -92,17 +92,21 @@ static HT_INTO_CALLERS float above2(float x)
     return twice * twice;
 }
 
-/* By what two pulses of the duty ratios d and e, whose middles are `apart` (-1 .. 1), want to change their
- * distance. */
-static HT_INTO_CALLERS float pull(float d, float e, float apart)
+/* By what a pulse of the duty ratio d wants to be later than one of e, whose middle is `ahead` of its own,
+ * or behind where `ahead` is negative, at most half a carrier's period. Then this is odd. */
+static HT_INTO_CALLERS float pull(float d, float e, float ahead)
 {
-    float y = apart + ((apart < 0.0f) ? 0.5f : -0.5f);
-    float size = fabsf(y) - 0.5f;
     float differ = 0.5f * fabsf(d - e);
     float mean = 0.5f * (d + e);
-    float p = 0.75f * (above2(size + mean) - above2(size + differ) - above2(mean - 1.0f - size))
-              - (6.0f * size + 3.0f) * (d * e);
-    return (y < 0.0f) ? -p : p;
+    return 0.75f * (above2(mean - ahead) - above2(differ - ahead) - above2(mean - 1.0f + ahead))
+           + (6.0f * ahead - 3.0f) * (d * e);
+}
+
+/* The same where it is not known which is ahead. */
+static HT_INTO_CALLERS float pull_either(float d, float e, float ahead)
+{
+    float p = pull(d, e, fabsf(ahead));
+    return (ahead < 0.0f) ? -p : p;
 }
 
 /* Parts of the legs of a set along a vector. */
@@ -124,23 +128,27 @@ static HT_INTO_CALLERS float slope(const ht_interleaved_config *cfg, const ht_in
     const ht_interleaved_set *own = &st->set[a];
     const ht_interleaved_set *other = &st->set[1u - a];
     float alike = (a == 0u) ? cfg->alike : -cfg->alike;
+    float ahead = (a == 0u) ? 1.0f : -1.0f; /* the other set's carrier is, or it is behind */
     float ours[3];
     float theirs[3];
     float torque;
     float d = own->d[k];
     float delta = own->delta[k];
-    float behind = (a == 0u) ? (delta - CARRIER_2) : (delta + CARRIER_2);
     unsigned m = after[k];
     unsigned n = after[m];
     float sum;
     parts(a, quad, ours);
     parts(1u - a, quad, theirs);
     torque = cfg->weight * ours[k];
-    sum = (torque * theirs[k]) * pull(d, other->d[k], behind - other->delta[k]);
-    sum += (alike + torque * theirs[m]) * pull(d, other->d[m], behind - other->delta[m]);
-    sum += (torque * theirs[n] - alike) * pull(d, other->d[n], behind - other->delta[n]);
-    sum += (torque * ours[m] - 0.5f) * pull(d, own->d[m], delta - own->delta[m]);
-    sum += (torque * ours[n] - 0.5f) * pull(d, own->d[n], delta - own->delta[n]);
+    sum = (torque * theirs[k])
+          * pull(d, other->d[k], CARRIER_2 + ahead * (other->delta[k] - delta));
+    sum += (alike + torque * theirs[m])
+           * pull(d, other->d[m], CARRIER_2 + ahead * (other->delta[m] - delta));
+    sum += (torque * theirs[n] - alike)
+           * pull(d, other->d[n], CARRIER_2 + ahead * (other->delta[n] - delta));
+    sum *= ahead;
+    sum += (torque * ours[m] - 0.5f) * pull_either(d, own->d[m], own->delta[m] - delta);
+    sum += (torque * ours[n] - 0.5f) * pull_either(d, own->d[n], own->delta[n] - delta);
     return cfg->scale * sum;
 }
 
@@ -180,7 +188,7 @@ typedef struct {
     const ht_interleaved_config *cfg;
     float sense;      /* 1 falling, -1 rising */
     float act;        /* share with which positions are optimised */
-    float early;      /* where the pulses lie else */
+    float centre;     /* where a pulse lies else, times the rest */
     float full;       /* counts of a period */
     float dead;       /* dead time in periods */
     float dead_half2; /* a quarter of it ... */
@@ -192,41 +200,30 @@ typedef struct {
 /* Where a pulse goes: to where it is better, within what its room and the voltage allow. */
 static HT_INTO_CALLERS float placed(const half_of *h, float share, float was, float better)
 {
-    float room = ROOM_SHARE * (0.5f - fabsf(share - 0.5f)) - 0.25f * h->dead;
-    float to = within(better, (1.0f - h->act) * h->early, h->act * fabsf(room));
-    return ht_limited(within(to, was, h->cfg->cap), (room > 0.0f) ? room : 0.0f);
+    float left = ROOM_SHARE * (0.5f - fabsf(share - 0.5f)) - 0.25f * h->dead;
+    float room = 0.5f * (left + fabsf(left));
+    float to = within(better, h->centre, h->act * room);
+    return within(within(to, was, h->cfg->cap), 0.0f, room);
 }
 
 /* Counts from the half's begin at which a leg toggles, the shortest pulse away from both periods' ends. 0:
- * it is on its rail before that already; `2 end`: it stays where it starts. */
+ * it is on its rail before that already, also for NaN; `2 end`: it stays where it starts. */
 static HT_INTO_CALLERS uint32_t edge_counts(const half_of *h, float share, float at)
 {
     uint32_t end = h->end;
     uint32_t shortest = h->shortest;
-    uint32_t from = 0u; /* of the period */
-    uint32_t count;
-    if (share >= 1.0f) {
-        return 2u * end;
-    }
-    count = (uint32_t)(ht_between(at, 0.0f, HT_HALF_PERIODS) * h->full + 0.5f);
-    if (count >= end) {
-        from = end;
-        count -= end;
-    }
-    if (count < shortest) {
-        if ((from == 0u) && (2u * count < shortest)) {
-            return 0u;
+    uint32_t count = (uint32_t)(ht_between(at, 0.0f, HT_HALF_PERIODS) * h->full + 0.5f);
+    if (count < end) {
+        if (count < shortest) {
+            return (2u * count < shortest) ? 0u : shortest;
         }
-        count = shortest;
-    } else if ((count + shortest) > end) {
-        if ((from != 0u) && (2u * count + shortest > 2u * end)) {
-            return 2u * end;
-        }
-        count = end - shortest;
-    } else {
-        /* far from both */
+        return (count > (end - shortest)) ? (end - shortest) : count;
     }
-    return from + count;
+    if (count > (2u * end - shortest)) {
+        return ((share >= 1.0f) || (2u * count > (4u * end - shortest))) ? (2u * end)
+                                                                         : (2u * end - shortest);
+    }
+    return (count < (end + shortest)) ? (end + shortest) : count;
 }
 
 /* A leg begins its half. Returns its part of what the flux will be off. */
@@ -277,7 +274,7 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     h.cfg = cfg;
     h.sense = (st->quarter < 2u) ? -1.0f : 1.0f;
     h.act = ht_between((command->steady2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f, 1.0f);
-    h.early = cfg->early[a];
+    h.centre = (1.0f - h.act) * cfg->early[a];
     h.end = in->period->counts;
     h.shortest = in->period->shortest;
     h.full = (float)h.end;
