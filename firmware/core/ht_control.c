@@ -690,17 +690,23 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     commit(cfg, st, s, p, out);
 }
 
+/* From the sample to the middle of a half of the carriers of a law that makes the pattern, in periods. */
+#define HALF_AHEAD 2.0f
+
 /* The step of a law that makes the pattern, of a drive that has all its legs. */
 static HT_INTO_CALLERS void pattern_step(const ht_control_config *cfg, ht_control_state *st,
-                                         const ht_control_input *in, ht_compare *out)
+                                         const ht_control_input *in, bool magnets, ht_compare *out)
 {
     ht_vsd i = currents_of(HT_WINDING_30, &in->i_A);
     ht_voltage_law_input seen;
     ht_modulator_input given;
     uint16_t number;
-    observe(cfg, st, in, i, false, false, false, HT_WINDING_30);
+    observe(cfg, st, in, i, false, magnets, false, HT_WINDING_30);
+    if (magnets) {
+        st->emf_V = induced_V(cfg, st, in->axis, HALF_AHEAD);
+    }
     st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
-    machine_seen(cfg, st, in, i, false, &seen);
+    machine_seen(cfg, st, in, i, magnets, &seen);
     given = modulator_seen(cfg, st, in, &number);
     switch (cfg->law) {
 #define HT_VECTOR_LAW(id, law)
@@ -727,7 +733,14 @@ HT_APART HT_WITH_CALLED static void healthy_pattern_step(const ht_control_config
                                                           const ht_control_input *in,
                                                           ht_compare *out)
 {
-    pattern_step(cfg, st, in, out);
+    pattern_step(cfg, st, in, false, out);
+}
+
+HT_APART HT_WITH_CALLED static void magnet_pattern_step(const ht_control_config *cfg,
+                                                        ht_control_state *st,
+                                                        const ht_control_input *in, ht_compare *out)
+{
+    pattern_step(cfg, st, in, true, out);
 }
 
 /* Without a leg, with magnets, with sets that are not 30 degrees apart, or to catch a shaft. A function of
@@ -767,7 +780,11 @@ HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_sta
 {
     if (cfg->special || (st->lost.axes != 0u)) {
         if (cfg->patterns && !build && (st->lost.axes == 0u)) {
-            healthy_pattern_step(cfg, st, in, out);
+            if (cfg->observer.magnets) {
+                magnet_pattern_step(cfg, st, in, out);
+            } else {
+                healthy_pattern_step(cfg, st, in, out);
+            }
         } else {
             special_step(cfg, st, in, build, false, out);
         }

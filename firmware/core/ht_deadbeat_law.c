@@ -52,20 +52,6 @@ void ht_deadbeat_law_reset(ht_deadbeat_law_state *st)
     ht_xy_reset(&st->xy);
 }
 
-/* ht_flux_reference with magnets, whose r changes with the flux. */
-static ht_ab magnet_reference(const ht_magnet_config *m, const ht_voltage_law_input *in,
-                              float length_Wb)
-{
-    ht_ab r = in->rotor_Wb;
-    float r2 = r.alpha * r.alpha + r.beta * r.beta;
-    float size_Wb = sqrtf((r2 > HT_LAW_LEAST_WB2) ? r2 : HT_LAW_LEAST_WB2);
-    ht_ab u = {r.alpha / size_Wb, r.beta / size_Wb};
-    ht_dq now = {ht_along(u, in->psi_Wb), u.alpha * in->psi_Wb.beta - u.beta * in->psi_Wb.alpha};
-    ht_dq wanted = ht_magnet_wanted_Wb(m, size_Wb, now, length_Wb, in->torque_ref_Nm);
-    ht_ab along = {wanted.d, wanted.q};
-    return ht_product(u, along);
-}
-
 ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer_config *machine,
                             ht_deadbeat_law_state *st, const ht_voltage_law_input *in)
 {
@@ -84,7 +70,7 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     float turn = turns.sine;
     float back = turns.back;
     ht_ab along = {inv_size * psi.alpha, inv_size * psi.beta};
-    ht_ab wanted = machine->magnets ? magnet_reference(&machine->magnet, in, size + radial)
+    ht_ab wanted = machine->magnets ? ht_flux_reference_magnet(machine, in, in->psi_Wb, size + radial)
                                     : ht_flux_reference(machine, in, size + radial);
     ht_ab e;
     float e2;

@@ -27,6 +27,22 @@ static HT_INTO_CALLERS ht_ab ht_flux_reference(const ht_observer_config *machine
     return psi;
 }
 
+/** The same with magnets, whose r changes with the flux. `psi_Wb`: the flux now. */
+static HT_INTO_CALLERS ht_ab ht_flux_reference_magnet(const ht_observer_config *machine,
+                                                      const ht_voltage_law_input *in, ht_ab psi_Wb,
+                                                      float length_Wb)
+{
+    ht_ab r = in->rotor_Wb;
+    float r2 = r.alpha * r.alpha + r.beta * r.beta;
+    float size_Wb = sqrtf((r2 > HT_LAW_LEAST_WB2) ? r2 : HT_LAW_LEAST_WB2);
+    ht_ab u = {r.alpha / size_Wb, r.beta / size_Wb};
+    ht_dq now = {ht_along(u, psi_Wb), u.alpha * psi_Wb.beta - u.beta * psi_Wb.alpha};
+    ht_dq wanted =
+        ht_magnet_wanted_Wb(&machine->magnet, size_Wb, now, length_Wb, in->torque_ref_Nm);
+    ht_ab along = {wanted.d, wanted.q};
+    return ht_product(u, along);
+}
+
 /** A step that the voltage cannot make: the length first, as far as torque's share lets it,
  *  then as much torque as is left. */
 static HT_INTO_CALLERS ht_ab ht_flux_step_within(ht_ab e, ht_ab along, float inv_size, float radial,

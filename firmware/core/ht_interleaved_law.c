@@ -57,7 +57,7 @@ command_of(const ht_interleaved_law_config *cfg, const ht_observer_config *machi
     float inv_vdc = 1.0f / in->vdc_V;
     float per_Wb = (1.0f / HT_HALF_PERIODS) * machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * machine->inv_sigma_ls * inv_vdc;
-    ht_turn turns = ht_turn_of(HT_HALF_PERIODS * in->turn_rad, false);
+    ht_turn turns = ht_turn_of(HT_HALF_PERIODS * in->turn_rad, machine->magnets);
     float middle = 0.5f * turns.sine; /* half of the turn */
     ht_ab r = in->rotor_Wb;
     ht_ab psi; /* of the set */
@@ -83,7 +83,8 @@ command_of(const ht_interleaved_law_config *cfg, const ht_observer_config *machi
     along.alpha = inv_size * psi.alpha;
     along.beta = inv_size * psi.beta;
     radial = ht_limited(in->flux_ref_Wb - size, HT_LAW_FLUX_SHARE * half);
-    wanted = ht_flux_reference(machine, in, size + radial);
+    wanted = machine->magnets ? ht_flux_reference_magnet(machine, in, psi, size + radial)
+                              : ht_flux_reference(machine, in, size + radial);
     steady.alpha = turns.back * wanted.alpha - turns.sine * wanted.beta;
     steady.beta = turns.back * wanted.beta + turns.sine * wanted.alpha;
     e.alpha = steady.alpha + gain * (wanted.alpha - psi.alpha);
@@ -103,6 +104,10 @@ command_of(const ht_interleaved_law_config *cfg, const ht_observer_config *machi
     current.alpha -= middle * (wanted.beta - r.beta);
     current.beta += middle * (wanted.alpha - r.alpha);
     xy = ht_xy_step(&integral, &st->deadbeat.xy, in->i_A.xy, along, HT_LAW_XY_LIMIT_PU, false);
+    if (machine->magnets) {
+        xy.x += inv_vdc * in->emf_V.x;
+        xy.y += inv_vdc * in->emf_V.y;
+    }
     steady.alpha = steady.alpha * per_Wb + drop * current.alpha;
     steady.beta = steady.beta * per_Wb + drop * current.beta;
     command.steady2 = steady.alpha * steady.alpha + steady.beta * steady.beta;
