@@ -8,6 +8,7 @@
 #define XY_LARGE_PU 0.172546f
 #define XY_MEDIUM_PU 0.471405f
 #define XY_SMALL_PU LONGEST_PU
+#define XY_RIPPLE_PU 0.168f
 #define LONGEST_PU 0.643951f
 #define LONGEST_ALIKE_PU 0.666667f
 
@@ -56,6 +57,11 @@ bool ht_scheme_drives(const ht_scheme_info *row, ht_winding winding)
 float ht_longest_pu(ht_winding winding)
 {
     return (winding == HT_WINDING_30) ? LONGEST_PU : LONGEST_ALIKE_PU;
+}
+
+float ht_scheme_xy_ripple_pu(const ht_scheme_info *row)
+{
+    return (row->vectors == HT_VECTORS_INTERLEAVED) ? XY_RIPPLE_PU : 0.0f;
 }
 
 float ht_scheme_xy_step_pu(const ht_scheme_info *row, ht_winding winding)

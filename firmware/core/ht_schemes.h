@@ -51,7 +51,8 @@ typedef struct {
 /** Row of a scheme, or NULL if there is no such number. */
 const ht_scheme_info *ht_scheme_describe(uint16_t scheme);
 
-/** True if a law commands a voltage (ht_voltage_law.h), or a pattern from the same. It needs shadow load and prediction. */
+/** True if a law commands a voltage (ht_voltage_law.h), or a pattern from what that sees. It needs shadow load
+ *  and prediction. */
 bool ht_law_commands_voltage(ht_law law);
 
 /** True if the scheme regulates the x-y currents to zero. */
@@ -76,5 +77,9 @@ float ht_longest_pu(ht_winding winding);
  *  period the mean is zero, and in between they reach a third. A command that is beyond what the
  *  modulator can make loses this mean. There is none where both sets make the same voltage. */
 float ht_scheme_xy_step_pu(const ht_scheme_info *row, ht_winding winding);
+
+/** Largest x-y flux of the ripple of interleaved carriers, at any voltage, units of Vdc Ts; 0 for
+ *  another scheme. */
+float ht_scheme_xy_ripple_pu(const ht_scheme_info *row);
 
 #endif
