@@ -133,7 +133,7 @@ CASES = {
     ),
     "XY_RIPPLE": (
         {"scheme": "db-ipwm", "lxy_H": 1e-3},
-        "f_isr_Hz = 10000 Hz, lxy_H = 0.001 H: allowed is 1.018e+04 Hz and more: the ripple",
+        "f_isr_Hz = 10000 Hz, lxy_H = 0.001 H: allowed is 1.075e+04 Hz and more: the ripple",
     ),
 }
 
