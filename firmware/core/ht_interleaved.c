@@ -24,6 +24,12 @@
 /* What set 2's carrier is behind set 1's. */
 #define CARRIER_2 0.25f
 
+/* From this share of the distortion on, above this voltage, squared, the sets begin together; below this
+ * share of it, squared, no longer. */
+#define TOGETHER_FROM 0.75f
+#define TOGETHER_PU2 0.09f
+#define TOGETHER_HOLD2 0.9025f
+
 /* Legs of a set. The first lies at 0 or 270 degrees, the others 120 and 240 behind. */
 static const uint16_t leg_of[2][3] = {{0u, 2u, 4u}, {5u, 1u, 3u}};
 void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
@@ -35,6 +41,7 @@ void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rh
     cfg->scale = SLOPE / (1.0f + weight);
     cfg->alike = COS_30 * (1.0f - rho2) / (1.0f + rho2);
     cfg->cap = (cap < CAP_MOST) ? cap : CAP_MOST;
+    cfg->together_pu2 = (in_phase < TOGETHER_FROM) ? (HT_NEVER_PU * HT_NEVER_PU) : TOGETHER_PU2;
     cfg->early[0] = EARLY;
     cfg->early[1] = EARLY - 2.0f * EARLY * in_phase;
 }
@@ -44,7 +51,7 @@ bool ht_interleaved_check(const ht_interleaved_config *cfg)
     return (cfg->weight >= 0.0f) && (cfg->weight < 1.0e3f) && (cfg->scale > 0.0f)
            && (cfg->scale <= SLOPE) && (fabsf(cfg->alike) <= 1.0f)
            && (cfg->cap > 0.0f) && (cfg->cap <= CAP_MOST) && (fabsf(cfg->early[0]) <= EARLY)
-           && (fabsf(cfg->early[1]) <= EARLY); /* NaN is not */
+           && (fabsf(cfg->early[1]) <= EARLY) && (cfg->together_pu2 > 0.0f); /* NaN is not */
 }
 
 void ht_interleaved_reset(ht_interleaved_state *st)
@@ -59,6 +66,10 @@ void ht_interleaved_reset(ht_interleaved_state *st)
         }
         st->set[a].moves = 0u;
     }
+    st->steady_pu.alpha = 0.0f;
+    st->steady_pu.beta = 0.0f;
+    st->together = false;
+    st->opposite = false;
     st->quarter = 0u;
     st->turn = 0u;
 }
@@ -271,10 +282,20 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     ht_ab off;
     half_of h;
     unsigned k;
+    float size2 = command->steady_pu.alpha * command->steady_pu.alpha
+                  + command->steady_pu.beta * command->steady_pu.beta;
+    bool turned = (a == 1u) && st->opposite;
     h.cfg = cfg;
-    h.sense = (st->quarter < 2u) ? -1.0f : 1.0f;
-    h.act = ht_between((command->steady2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f, 1.0f);
-    h.centre = (1.0f - h.act) * cfg->early[a];
+    h.sense = ((st->quarter < 2u) != turned) ? -1.0f : 1.0f;
+    h.act = 0.0f;
+    h.centre = 0.0f;
+    if (!st->together) {
+        h.act = ht_between((size2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f, 1.0f);
+        h.centre = (1.0f - h.act) * cfg->early[a];
+    }
+    if (a == 0u) {
+        st->steady_pu = command->steady_pu;
+    }
     h.end = in->period->counts;
     h.shortest = in->period->shortest;
     h.full = (float)h.end;
@@ -302,7 +323,7 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     return off;
 }
 
-/* The half of set `b` goes on. */
+/* The half of set `b` goes on; if it is over, the legs stay. */
 static HT_INTO_CALLERS void go_on(ht_interleaved_state *st, unsigned b, unsigned before, making *m,
                                   ht_compare *out, ht_toggles *toggles)
 {
@@ -320,14 +341,27 @@ static HT_INTO_CALLERS void go_on(ht_interleaved_state *st, unsigned b, unsigned
     set->moves = 0u;
 }
 
-ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state *st,
-                          const ht_interleaved_command *command, bool bare,
-                          const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
-                          ht_toggles *toggles)
+unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_state *st)
 {
-    unsigned a = st->quarter & 1u;
+    bool was = st->together;
+    ht_ab v = st->steady_pu;
+    float alpha2 = v.alpha * v.alpha;
+    float beta2 = v.beta * v.beta;
+    float sector = v.alpha * (alpha2 - 3.0f * beta2) * v.beta * (3.0f * alpha2 - beta2);
+    if ((st->quarter & 1u) != 0u) {
+        return was ? 0u : 2u;
+    }
+    st->together = (alpha2 + beta2) > (cfg->together_pu2 * (was ? TOGETHER_HOLD2 : 1.0f));
+    st->opposite = st->together && (sector > 0.0f);
+    return (was && st->together) ? 3u : 1u;
+}
+
+void ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                         const ht_interleaved_command command[2], unsigned begins, bool bare,
+                         const ht_modulator_input *in, ht_ab off_pu[2], ht_compare *out,
+                         ht_applied *applied, ht_toggles *toggles)
+{
     unsigned before = bare ? 0u : in->before;
-    ht_ab off;
     making m;
     unsigned leg;
     m.high = 0u;
@@ -335,12 +369,16 @@ ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state
     m.rises = 0u;
     m.end = in->period->counts;
     m.per_count = 1.0f / (float)m.end;
-    if (a == 0u) { /* each with constants in place of what depends on the set */
-        off = begin(cfg, st, 0u, command, in, &m, out, toggles);
-        go_on(st, 1u, before, &m, out, toggles);
+    /* Each with constants in place of what depends on the set. */
+    if ((begins & 1u) != 0u) {
+        off_pu[0] = begin(cfg, st, 0u, &command[0], in, &m, out, toggles);
     } else {
-        off = begin(cfg, st, 1u, command, in, &m, out, toggles);
         go_on(st, 0u, before, &m, out, toggles);
+    }
+    if ((begins & 2u) != 0u) {
+        off_pu[1] = begin(cfg, st, 1u, &command[1], in, &m, out, toggles);
+    } else {
+        go_on(st, 1u, before, &m, out, toggles);
     }
     if (st->quarter == 3u) {
         st->turn = (st->turn == 2u) ? 0u : (uint16_t)(st->turn + 1u);
@@ -352,5 +390,4 @@ ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state
     for (leg = 0u; leg < (unsigned)HT_LEGS; leg++) {
         out->cb[leg] = m.end;
     }
-    return off;
 }

@@ -14,6 +14,9 @@
  *    J = |ripple of the current|^2 + w (ripple of the torque)^2
  *
  *  and each half moves one pulse of its set down the slope of J. Nothing is integrated or tabled.
+ *  For the least distortion above 0.3 Vdc both sets begin together, in phase or, in every second 30 degrees of
+ *  the voltage, opposite to each other, as ht_modulator.h has it.
+ *
  *  Below a fifth of V_dc a position changes little, because all legs are at half; there the pulses of
  *  a set are moved together, away from the instants at which the converter samples.
  */
@@ -31,6 +34,7 @@ typedef struct {
     float weight;   /**< of the torque's ripple against the current's; 0 or more */
     float alike;    /**< weight of two legs of different sets 30 degrees apart, -1 .. 1 */
     float cap;      /**< most that a position moves in a half, share of a carrier's period */
+    float together_pu2; /**< above this voltage, squared, both sets begin together; units of Vdc */
     float early[2]; /**< where pulses of each set lie at low voltage, share of a carrier's period */
 } ht_interleaved_config;
 
@@ -44,15 +48,18 @@ typedef struct {
 
 typedef struct {
     ht_interleaved_set set[2];
+    ht_ab steady_pu;  /**< of set 1, at its latest begin */
+    bool together;    /**< both sets begin at 0 and 2 */
+    bool opposite;    /**< then: one rises while the other falls */
     uint16_t quarter; /**< 0..3: set 1 begins at 0 and 2, set 2 at 1 and 3 */
     uint16_t turn;    /**< 0..2: whose position of a set is improved */
 } ht_interleaved_state;
 
 /** What a set is to do in its half. */
 typedef struct {
-    ht_ab v_pu;    /**< mean voltage of the set, units of Vdc */
-    ht_ab quad;    /**< unit vector across the rotor flux in the middle of the half */
-    float steady2; /**< voltage without what corrects errors, squared, units of Vdc */
+    ht_ab v_pu;      /**< mean voltage of the set, units of Vdc */
+    ht_ab quad;      /**< unit vector across the rotor flux in the middle of the half */
+    ht_ab steady_pu; /**< voltage without what corrects errors, units of Vdc */
 } ht_interleaved_command;
 
 /** What a position costs: `weight` of the torque's ripple, `rho` = sigma L_s / L_xy, the sampling
@@ -66,14 +73,17 @@ bool ht_interleaved_check(const ht_interleaved_config *cfg);
 /** Before the first half of set 1. */
 void ht_interleaved_reset(ht_interleaved_state *st);
 
-/** One period's pattern: a half of one set begins as commanded, that of the other one goes on. `bare`: the
- *  other set has not begun any half; its legs are low. Returns by how much the flux of the set that begins
- *  will be off its mean at its next begin, units of Vdc and periods.
+/** Which sets begin a half in the next period: 1, 2, both (3) or none. */
+unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_state *st);
+
+/** One period's pattern: the sets of `begins` begin a half as commanded, the others go on. `bare`: the other
+ *  set has not begun any half; its legs are low. `off_pu` of the sets that begin: by how much their flux
+ *  will be off its mean at the next begin, units of Vdc and periods.
  *
  *  Whatever goes in, NaN included: CA and CB are as ht_modulator_step has them. */
-ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state *st,
-                          const ht_interleaved_command *command, bool bare,
-                          const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
-                          ht_toggles *toggles);
+void ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                         const ht_interleaved_command command[2], unsigned begins, bool bare,
+                         const ht_modulator_input *in, ht_ab off_pu[2], ht_compare *out,
+                         ht_applied *applied, ht_toggles *toggles);
 
 #endif

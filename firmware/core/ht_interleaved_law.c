@@ -110,7 +110,7 @@ command_of(const ht_interleaved_law_config *cfg, const ht_observer_config *machi
     }
     steady.alpha = steady.alpha * per_Wb + drop * current.alpha;
     steady.beta = steady.beta * per_Wb + drop * current.beta;
-    command.steady2 = steady.alpha * steady.alpha + steady.beta * steady.beta;
+    command.steady_pu = steady;
     command.v_pu.alpha = e.alpha * per_Wb + drop * current.alpha + sign * xy.x;
     command.v_pu.beta = e.beta * per_Wb + drop * current.beta - sign * xy.y;
     inv_r = r.alpha * r.alpha + r.beta * r.beta;
@@ -125,13 +125,19 @@ ht_xy ht_interleaved_law_pattern(const ht_interleaved_law_config *cfg,
                                  const ht_voltage_law_input *in, const ht_modulator_input *pwm,
                                  ht_compare *out, ht_applied *applied, ht_toggles *toggles)
 {
-    unsigned a = st->positions.quarter & 1u; /* it begins a half */
-    ht_interleaved_command command = command_of(cfg, machine, st, in, a);
+    unsigned begins = ht_interleaved_begins(&cfg->positions, &st->positions);
+    ht_interleaved_command command[2];
+    unsigned a;
     ht_xy v;
-    st->off_pu[a] = ht_interleaved_step(&cfg->positions, &st->positions, &command, !st->begun, pwm,
-                                        out, applied, toggles);
+    for (a = 0u; a < 2u; a++) {
+        if (((begins >> a) & 1u) != 0u) {
+            command[a] = command_of(cfg, machine, st, in, a);
+            st->v_pu[a] = command[a].v_pu;
+        }
+    }
+    ht_interleaved_step(&cfg->positions, &st->positions, command, begins, !st->begun, pwm,
+                        st->off_pu, out, applied, toggles);
     st->begun = true;
-    st->v_pu[a] = command.v_pu;
     v.x = 0.5f * (st->v_pu[0].alpha - st->v_pu[1].alpha);
     v.y = 0.5f * (st->v_pu[1].beta - st->v_pu[0].beta);
     return v;
