@@ -341,53 +341,87 @@ static HT_INTO_CALLERS void go_on(ht_interleaved_state *st, unsigned b, unsigned
     set->moves = 0u;
 }
 
+/* Both sets begin together: in which sense. */
+static bool runs_opposite(ht_ab v)
+{
+    float alpha2 = v.alpha * v.alpha;
+    float beta2 = v.beta * v.beta;
+    return v.alpha * (alpha2 - 3.0f * beta2) * v.beta * (3.0f * alpha2 - beta2) > 0.0f;
+}
+
 unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_state *st)
 {
     bool was = st->together;
     ht_ab v = st->steady_pu;
-    float alpha2 = v.alpha * v.alpha;
-    float beta2 = v.beta * v.beta;
-    float sector = v.alpha * (alpha2 - 3.0f * beta2) * v.beta * (3.0f * alpha2 - beta2);
     if ((st->quarter & 1u) != 0u) {
         return was ? 0u : 2u;
     }
-    st->together = (alpha2 + beta2) > (cfg->together_pu2 * (was ? TOGETHER_HOLD2 : 1.0f));
-    st->opposite = st->together && (sector > 0.0f);
+    st->together = (v.alpha * v.alpha + v.beta * v.beta)
+                   > (cfg->together_pu2 * (was ? TOGETHER_HOLD2 : 1.0f));
+    st->opposite = st->together && runs_opposite(v);
     return (was && st->together) ? 3u : 1u;
 }
 
-void ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state *st,
-                         const ht_interleaved_command command[2], unsigned begins, bool bare,
-                         const ht_modulator_input *in, ht_ab off_pu[2], ht_compare *out,
-                         ht_applied *applied, ht_toggles *toggles)
+static HT_INTO_CALLERS making nothing_yet(const ht_modulator_input *in)
 {
-    unsigned before = bare ? 0u : in->before;
     making m;
-    unsigned leg;
     m.high = 0u;
     m.moves = 0u;
     m.rises = 0u;
     m.end = in->period->counts;
     m.per_count = 1.0f / (float)m.end;
-    /* Each with constants in place of what depends on the set. */
-    if ((begins & 1u) != 0u) {
-        off_pu[0] = begin(cfg, st, 0u, &command[0], in, &m, out, toggles);
-    } else {
-        go_on(st, 0u, before, &m, out, toggles);
-    }
-    if ((begins & 2u) != 0u) {
-        off_pu[1] = begin(cfg, st, 1u, &command[1], in, &m, out, toggles);
-    } else {
-        go_on(st, 1u, before, &m, out, toggles);
-    }
+    return m;
+}
+
+static HT_INTO_CALLERS void finish(ht_interleaved_state *st, const making *m,
+                                   const ht_modulator_input *in, ht_compare *out,
+                                   ht_applied *applied)
+{
+    unsigned leg;
     if (st->quarter == 3u) {
         st->turn = (st->turn == 2u) ? 0u : (uint16_t)(st->turn + 1u);
     }
     st->quarter = (uint16_t)((st->quarter + 1u) & 3u);
-    ht_applied_toggles(applied, in->before, m.high, m.moves, m.rises);
-    applied->mean_pu = ht_vsd_from_six(&m.share);
+    ht_applied_toggles(applied, in->before, m->high, m->moves, m->rises);
+    applied->mean_pu = ht_vsd_from_six(&m->share);
     out->start = applied->s[0];
     for (leg = 0u; leg < (unsigned)HT_LEGS; leg++) {
-        out->cb[leg] = m.end;
+        out->cb[leg] = m->end;
     }
+}
+
+ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                          const ht_interleaved_command *command, unsigned a, bool bare,
+                          const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
+                          ht_toggles *toggles)
+{
+    unsigned before = bare ? 0u : in->before;
+    making m = nothing_yet(in);
+    ht_ab off;
+    if (a == 0u) { /* each with constants in place of what depends on the set */
+        off = begin(cfg, st, 0u, command, in, &m, out, toggles);
+        go_on(st, 1u, before, &m, out, toggles);
+    } else {
+        off = begin(cfg, st, 1u, command, in, &m, out, toggles);
+        go_on(st, 0u, before, &m, out, toggles);
+    }
+    finish(st, &m, in, out, applied);
+    return off;
+}
+
+HT_APART void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                                  const ht_interleaved_command command[2], bool begins,
+                                  const ht_modulator_input *in, ht_ab off_pu[2], ht_compare *out,
+                                  ht_applied *applied, ht_toggles *toggles)
+{
+    making m = nothing_yet(in);
+    unsigned a;
+    for (a = 0u; a < 2u; a++) {
+        if (begins) {
+            off_pu[a] = begin(cfg, st, a, &command[a], in, &m, out, toggles);
+        } else {
+            go_on(st, a, in->before, &m, out, toggles);
+        }
+    }
+    finish(st, &m, in, out, applied);
 }

@@ -76,13 +76,19 @@ void ht_interleaved_reset(ht_interleaved_state *st);
 /** Which sets begin a half in the next period: 1, 2, both (3) or none. */
 unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_state *st);
 
-/** One period's pattern: the sets of `begins` begin a half as commanded, the others go on. `bare`: the other
- *  set has not begun any half; its legs are low. `off_pu` of the sets that begin: by how much their flux
- *  will be off its mean at the next begin, units of Vdc and periods.
+/** One period's pattern: a half of set `a` begins as commanded, that of the other one goes on. `bare`: the
+ *  other set has not begun any half; its legs are low. Returns by how much the flux of the set that begins
+ *  will be off its mean at its next begin, units of Vdc and periods.
  *
  *  Whatever goes in, NaN included: CA and CB are as ht_modulator_step has them. */
-void ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state *st,
-                         const ht_interleaved_command command[2], unsigned begins, bool bare,
+ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                          const ht_interleaved_command *command, unsigned a, bool bare,
+                          const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
+                          ht_toggles *toggles);
+
+/** The same where both sets begin, or none does. */
+void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                         const ht_interleaved_command command[2], bool begins,
                          const ht_modulator_input *in, ht_ab off_pu[2], ht_compare *out,
                          ht_applied *applied, ht_toggles *toggles);
 

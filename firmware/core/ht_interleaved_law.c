@@ -120,24 +120,40 @@ command_of(const ht_interleaved_law_config *cfg, const ht_observer_config *machi
     return command;
 }
 
+/* Both sets begin, or none does. */
+HT_APART static void both_of(const ht_interleaved_law_config *cfg,
+                             const ht_observer_config *machine, ht_interleaved_law_state *st,
+                             const ht_voltage_law_input *in, const ht_modulator_input *pwm,
+                             bool begins, ht_compare *out, ht_applied *applied,
+                             ht_toggles *toggles)
+{
+    ht_interleaved_command command[2];
+    unsigned a;
+    for (a = 0u; begins && (a < 2u); a++) {
+        command[a] = command_of(cfg, machine, st, in, a);
+        st->v_pu[a] = command[a].v_pu;
+    }
+    ht_interleaved_both(&cfg->positions, &st->positions, command, begins, pwm, st->off_pu, out,
+                        applied, toggles);
+}
+
 ht_xy ht_interleaved_law_pattern(const ht_interleaved_law_config *cfg,
                                  const ht_observer_config *machine, ht_interleaved_law_state *st,
                                  const ht_voltage_law_input *in, const ht_modulator_input *pwm,
                                  ht_compare *out, ht_applied *applied, ht_toggles *toggles)
 {
     unsigned begins = ht_interleaved_begins(&cfg->positions, &st->positions);
-    ht_interleaved_command command[2];
-    unsigned a;
     ht_xy v;
-    for (a = 0u; a < 2u; a++) {
-        if (((begins >> a) & 1u) != 0u) {
-            command[a] = command_of(cfg, machine, st, in, a);
-            st->v_pu[a] = command[a].v_pu;
-        }
+    if ((begins == 1u) || (begins == 2u)) {
+        unsigned a = begins - 1u;
+        ht_interleaved_command command = command_of(cfg, machine, st, in, a);
+        st->v_pu[a] = command.v_pu;
+        st->off_pu[a] = ht_interleaved_step(&cfg->positions, &st->positions, &command, a,
+                                            !st->begun, pwm, out, applied, toggles);
+        st->begun = true;
+    } else {
+        both_of(cfg, machine, st, in, pwm, begins != 0u, out, applied, toggles);
     }
-    ht_interleaved_step(&cfg->positions, &st->positions, command, begins, !st->begun, pwm,
-                        st->off_pu, out, applied, toggles);
-    st->begun = true;
     v.x = 0.5f * (st->v_pu[0].alpha - st->v_pu[1].alpha);
     v.y = 0.5f * (st->v_pu[1].beta - st->v_pu[0].beta);
     return v;
