@@ -700,14 +700,14 @@ static HT_INTO_CALLERS void pattern_step(const ht_control_config *cfg, ht_contro
     ht_vsd i = currents_of(HT_WINDING_30, &in->i_A);
     ht_voltage_law_input seen;
     ht_modulator_input given;
-    uint16_t number;
+    uint16_t which;
     observe(cfg, st, in, i, false, magnets, false, HT_WINDING_30);
     if (magnets) {
         st->emf_V = induced_V(cfg, st, in->axis, HALF_AHEAD);
     }
     st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
     machine_seen(cfg, st, in, i, magnets, &seen);
-    given = modulator_seen(cfg, st, in, &number);
+    given = modulator_seen(cfg, st, in, &which);
     switch (cfg->law) {
 #define HT_VECTOR_LAW(id, law)
 #define HT_VOLTAGE_LAW(id, law)
@@ -715,7 +715,7 @@ static HT_INTO_CALLERS void pattern_step(const ht_control_config *cfg, ht_contro
     case HT_LAW_##id:                                                                       \
         st->v_xy_pu = ht_##law##_law_pattern(&cfg->law##_law, &cfg->observer,               \
                                              &st->law##_law, &seen, &given, out, &st->next, \
-                                             &st->toggles[number - 1u]);                    \
+                                             &st->toggles[which - 1u]);                    \
         break;
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
@@ -724,7 +724,7 @@ static HT_INTO_CALLERS void pattern_step(const ht_control_config *cfg, ht_contro
     default:
         break;
     }
-    st->next.own = number;
+    st->next.own = which;
 }
 
 /* A law that makes the pattern. A function of its own, as those below. */
