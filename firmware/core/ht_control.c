@@ -693,10 +693,12 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
 /* From the sample to the middle of a half of the carriers of a law that makes the pattern, in periods. */
 #define HALF_AHEAD 2.0f
 
-/* The step of a law that makes the pattern, of a drive that has all its legs. */
-static HT_INTO_CALLERS void pattern_step(const ht_control_config *cfg, ht_control_state *st,
-                                         const ht_control_input *in, bool magnets, ht_compare *out)
+/* The step of a law that makes the pattern, of a drive that has all its legs. A function of its own, as that
+ * below. */
+HT_APART HT_WITH_CALLED static void pattern_step(const ht_control_config *cfg, ht_control_state *st,
+                                  const ht_control_input *in, ht_compare *out)
 {
+    bool magnets = cfg->observer.magnets;
     ht_vsd i = currents_of(HT_WINDING_30, &in->i_A);
     ht_voltage_law_input seen;
     ht_modulator_input given;
@@ -725,22 +727,6 @@ static HT_INTO_CALLERS void pattern_step(const ht_control_config *cfg, ht_contro
         break;
     }
     st->next.own = which;
-}
-
-/* A law that makes the pattern. A function of its own, as those below. */
-HT_APART HT_WITH_CALLED static void healthy_pattern_step(const ht_control_config *cfg,
-                                                          ht_control_state *st,
-                                                          const ht_control_input *in,
-                                                          ht_compare *out)
-{
-    pattern_step(cfg, st, in, false, out);
-}
-
-HT_APART HT_WITH_CALLED static void magnet_pattern_step(const ht_control_config *cfg,
-                                                        ht_control_state *st,
-                                                        const ht_control_input *in, ht_compare *out)
-{
-    pattern_step(cfg, st, in, true, out);
 }
 
 /* Without a leg, with magnets, with sets that are not 30 degrees apart, or to catch a shaft. A function of
@@ -780,11 +766,7 @@ HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_sta
 {
     if (cfg->special || (st->lost.axes != 0u)) {
         if (cfg->patterns && !build && (st->lost.axes == 0u)) {
-            if (cfg->observer.magnets) {
-                magnet_pattern_step(cfg, st, in, out);
-            } else {
-                healthy_pattern_step(cfg, st, in, out);
-            }
+            pattern_step(cfg, st, in, out);
         } else {
             special_step(cfg, st, in, build, false, out);
         }

@@ -323,6 +323,23 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     return off;
 }
 
+/* Each set with constants in place of what depends on it, and once in the memory. */
+HT_APART static ht_ab begin_set1(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                                 const ht_interleaved_command *command,
+                                 const ht_modulator_input *in, making *m, ht_compare *out,
+                                 ht_toggles *toggles)
+{
+    return begin(cfg, st, 0u, command, in, m, out, toggles);
+}
+
+HT_APART static ht_ab begin_set2(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                                 const ht_interleaved_command *command,
+                                 const ht_modulator_input *in, making *m, ht_compare *out,
+                                 ht_toggles *toggles)
+{
+    return begin(cfg, st, 1u, command, in, m, out, toggles);
+}
+
 /* The half of set `b` goes on; if it is over, the legs stay. */
 static HT_INTO_CALLERS void go_on(ht_interleaved_state *st, unsigned b, unsigned before, making *m,
                                   ht_compare *out, ht_toggles *toggles)
@@ -398,11 +415,11 @@ ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state
     unsigned before = bare ? 0u : in->before;
     making m = nothing_yet(in);
     ht_ab off;
-    if (a == 0u) { /* each with constants in place of what depends on the set */
-        off = begin(cfg, st, 0u, command, in, &m, out, toggles);
+    if (a == 0u) {
+        off = begin_set1(cfg, st, command, in, &m, out, toggles);
         go_on(st, 1u, before, &m, out, toggles);
     } else {
-        off = begin(cfg, st, 1u, command, in, &m, out, toggles);
+        off = begin_set2(cfg, st, command, in, &m, out, toggles);
         go_on(st, 0u, before, &m, out, toggles);
     }
     finish(st, &m, in, out, applied);
@@ -415,13 +432,12 @@ HT_APART void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleav
                                   ht_applied *applied, ht_toggles *toggles)
 {
     making m = nothing_yet(in);
-    unsigned a;
-    for (a = 0u; a < 2u; a++) {
-        if (begins) {
-            off_pu[a] = begin(cfg, st, a, &command[a], in, &m, out, toggles);
-        } else {
-            go_on(st, a, in->before, &m, out, toggles);
-        }
+    if (begins) {
+        off_pu[0] = begin_set1(cfg, st, &command[0], in, &m, out, toggles);
+        off_pu[1] = begin_set2(cfg, st, &command[1], in, &m, out, toggles);
+    } else {
+        go_on(st, 0u, in->before, &m, out, toggles);
+        go_on(st, 1u, in->before, &m, out, toggles);
     }
     finish(st, &m, in, out, applied);
 }
