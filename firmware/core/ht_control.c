@@ -748,6 +748,7 @@ void ht_control_catch_begin(const ht_control_config *cfg, ht_control_state *st, 
     st->observer.psi_r_Wb = flux.psi_r_Wb;
     st->observer.rs_ohm = flux.rs_ohm;
     st->observer.rr_scale = flux.rr_scale;
+    st->observer.more_Wb = flux.more_Wb;
     st->estimate.psi_Wb = flux.psi_Wb;
     st->decided = st->estimate;
     ht_catch_begin(&st->caught, flux.psi_Wb);
