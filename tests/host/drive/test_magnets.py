@@ -139,6 +139,27 @@ def test_a_table_holds_the_flux_while_r_i_takes_the_place_of_the_emf():
     assert abs(rec["plant.speed_rpm"].mean() / design.rated_rpm + 0.34) < 0.01
 
 
+@pytest.mark.parametrize("name, scheme, within", [
+    ("magnet-interior", "db-dtfc", 0.01),
+    ("magnet-surface", "dtc3", 0.04),  # near its rated torque R_s i is half of what they induce
+    ("magnet-24v", "foc-24", 0.01),
+])  # fmt: skip
+@pytest.mark.parametrize("share", [0.85, 1.15])
+def test_a_flux_that_the_drive_believes_wrong_is_learnt(name, scheme, within, share):
+    """With light load, then with much of the rated one, in both directions: flux and torque."""
+    psi_f_Wb = setups.load(name)["machine.psi_f_Wb"]
+    drive, design = begun(
+        name, scheme, controller__psi_f_Wb=share * psi_f_Wb, controller__adapt_psi_f_s=0.5
+    )
+    at(drive, design, 0.6, 0.2, 2.0)
+    for speed_pu, load_pu in ((0.9, 0.8), (-0.6, 0.8)):
+        rec = at(drive, design, speed_pu, load_pu, 1.0)
+        assert drive.state == "run", drive.trip
+        assert rec["psi_f_Wb"].mean() == pytest.approx(psi_f_Wb, rel=within)
+        off = rec["torque_Nm"].mean() - rec["plant.torque_Nm"].mean()
+        assert abs(off) < within * design.rated_Nm
+
+
 @pytest.mark.parametrize("name, scheme", DRIVES)
 def test_operating_points(name, scheme):
     """3, 30 and 100 % of rated speed with rated torque of both signs: the estimated torque is

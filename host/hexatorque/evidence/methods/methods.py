@@ -183,6 +183,8 @@ def methods() -> tuple[Method, ...]:
     extent, quick = Extent(24, (21, 21)), Extent(3, (2,))
     # A modulator's legs toggle once a period: f_sw is half of this.
     period = Axis("f_isr_Hz", 2e3, 18e3)
+    # And once in two where carriers are interleaved.
+    quarter = Axis("f_isr_Hz", 4e3, 36e3)
     # The weight of a leg that switches is relative to the square of the sensors' range.
     weights = (
         Axis("weight_xy", 0.01, 3.0, law=True),
@@ -200,6 +202,7 @@ def methods() -> tuple[Method, ...]:
         *_ours(period, extent, quick),
         scheme("foc", period),
         scheme("foc-24", period),
+        scheme("db-ipwm", quarter, Axis("thd_share", 0.0, 1.0, log=False)),
         law("dtc-svm", MODULATED, period),
         law("lvv-mpc", VIRTUAL, period),
         law("vv-mpc", VIRTUAL, _VECTORS),
