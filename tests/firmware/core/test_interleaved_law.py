@@ -169,7 +169,7 @@ def test_the_first_step_is_that_of_the_equations():
         own = psi + np.conj(psi_xy)
         flux = abs(own) + rng.uniform(-0.004, 0.004)
         law = Law()
-        out, applied, toggles = law.step(psi, psi_xy, rotor, torque, flux, turn)
+        _, applied, toggles = law.step(psi, psi_xy, rotor, torque, flux, turn)
         b = torque * SIGMA_LS / (GAIN * abs(rotor) ** 2)
         limited = abs(own) + np.clip(flux - abs(own), -0.2 * VDC * TS, 0.2 * VDC * TS)
         a = np.sqrt(max(limited**2 / abs(rotor) ** 2 - b * b, 0.01))
