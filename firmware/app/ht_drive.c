@@ -437,6 +437,10 @@ static void begin_flux(ht_drive *d)
         ht_control_catch_begin(&d->config->control, &d->control, &d->in.i_A);
     } else {
         ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
+        if (d->config->heat.rs_tells != (uint16_t)HT_RS_TELLS_NOTHING) {
+            ht_observer_begin_with(&d->config->control.observer, &d->control.observer,
+                                   ht_heat_rs_ohm(&d->config->heat, &d->heat));
+        }
     }
 }
 

@@ -141,6 +141,7 @@ typedef struct {
     uint16_t heat_warnings;    /**< the slow interrupt's own: it must not write `warnings` */
     ht_set_difference sets;    /**< learnt; a stop does not forget it */
     ht_heat_state heat;        /**< nothing but a reset forgets it */
+    float built;               /**< slow interrupts of a build-up that adapted R_s */
     float heat_share;          /**< of the torque limit, that the winding's temperature leaves */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;

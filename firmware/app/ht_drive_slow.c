@@ -132,21 +132,26 @@ static ht_limit torque_limit(const ht_drive *d, const ht_drive_config *c, float 
     return limit;
 }
 
+/* |i_q/i_d| of the reference */
+static float load_of(const ht_drive *d, const ht_drive_config *c)
+{
+    float psi = d->flux_ramp_Wb;
+    return fabsf(d->torque_ref_Nm) * c->protect.ls_H
+           / (c->control.observer.torque_gain * psi * psi);
+}
+
 /* Where load and speed make the flux stand still, R_r cannot be observed, and a drive with a wrong
  * R_r may settle at that very point: more flux, less slip, standstill of the flux. A little less
  * flux gives more slip, and the flux turns again. */
 static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
-    float psi = d->flux_ramp_Wb;
-    /* i_q/i_d of the reference */
-    float load = d->torque_ref_Nm * c->protect.ls_H / (c->control.observer.torque_gain * psi * psi);
     float size;
     d->omega_mean_rad_s += c->omega_mean_gain
                            * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
     size = (d->omega_mean_rad_s < 0.0f) ? -d->omega_mean_rad_s : d->omega_mean_rad_s;
     if ((c->control.observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
-        || ((load < LOWER_LOAD) && (load > -LOWER_LOAD)) || (size > TURNING_RAD_S)) {
+        || (load_of(d, c) < LOWER_LOAD) || (size > TURNING_RAD_S)) {
         d->flux_lowered = 0u;
     } else if (size < STANDING_RAD_S) {
         d->flux_lowered = 1u;
@@ -262,6 +267,7 @@ static unsigned follow_build(ht_drive *d, const ht_drive_config *c)
     if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)
         && (d->off_legs == 0u)) {
         ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
+        d->built += 1.0f;
     }
     return turning_unnoticed(d, c);
 }
@@ -523,12 +529,42 @@ static float frame_W(const ht_drive *d, const ht_drive_config *c)
            + iron * d->flux_ref_Wb * d->flux_ref_Wb;
 }
 
+/* Speeds of the flux between which the adapted R_s is exact under load. Nearer to standstill R_r is not
+ * observed, and above it the voltage hides R_s. */
+#define TELLS_FROM_RAD_S 10.0f
+#define TELLS_TO_RAD_S 35.0f
+
+/* R_s where it tells the winding's temperature, else 0. An arc counts as a resistance. */
+static float telling_ohm(const ht_drive *d, const ht_drive_config *c)
+{
+    float omega = fabsf(d->omega_mean_rad_s);
+    bool tells = (c->heat.rs_tells != (uint16_t)HT_RS_TELLS_NOTHING)
+                 && (d->state == (uint16_t)HT_STATE_RUN) && (d->off_legs == 0u)
+                 && (omega > TELLS_FROM_RAD_S) && (omega < TELLS_TO_RAD_S)
+                 && (load_of(d, c) > LOWER_LOAD)
+                 && !ht_leg_loss_maybe(&c->control.leg_loss, &d->control.leg_loss);
+    return tells ? ht_observer_adapted_ohm(&c->control.observer, &d->control.observer) : 0.0f;
+}
+
+/* The first slow interrupt after a build-up by direct current: hear what its R_s tells. */
+static void hear_build(ht_drive *d, const ht_drive_config *c)
+{
+    float rs_ohm = ht_observer_adapted_ohm(&c->control.observer, &d->control.observer);
+    if ((d->state == (uint16_t)HT_STATE_RUN) && (d->built > c->built) && (rs_ohm > 0.0f)) {
+        ht_heat_built(&c->heat, &d->heat, rs_ohm);
+    }
+    if (d->state != (uint16_t)HT_STATE_BUILD) {
+        d->built = 0.0f;
+    }
+}
+
 /* The machine cools in every state. Gates that are on need a winding that is not too hot. */
 static void follow_heat(ht_drive *d, const ht_drive_config *c)
 {
     bool powered = (ht_state_flags(d->state) & (unsigned)HT_GATES_ON) != 0u;
     float winding_degC;
-    ht_heat_step(&c->heat, &d->heat, powered, frame_W(d, c));
+    hear_build(d, c);
+    ht_heat_step(&c->heat, &d->heat, powered, frame_W(d, c), telling_ohm(d, c));
     winding_degC = ht_heat_winding_degC(&c->heat, &d->heat);
     d->heat_share = ht_heat_share(&c->heat, winding_degC);
     d->heat_warnings = (d->heat_share < 1.0f) ? (uint16_t)HT_WARNING_WINDING : 0u;

@@ -211,6 +211,13 @@ float ht_misfit_heat_per_s(const ht_params *p)
            + (1.0f + v[HT_P_frame_K_W] / v[HT_P_winding_K_W]) / v[HT_P_frame_s];
 }
 
+/* Is R_s adapted wherever the machine shows it? */
+static bool learns_rs(const float *v)
+{
+    return (v[HT_P_machine] == 0.0f) && (v[HT_P_observer] == (float)HT_OBSERVER_HYBRID)
+           && (v[HT_P_adapt_s] > 0.0f);
+}
+
 /* What the limits of the dc link demand where there are any. */
 static bool vdc_fits(const ht_params *p, uint16_t misfit)
 {
@@ -302,6 +309,9 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         break;
     case HT_MISFIT_HEAT_TIMES:
         result = ht_misfit_heat_per_s(p) <= 0.125f * v[HT_P_f_slow_Hz];
+        break;
+    case HT_MISFIT_HEAT_RS:
+        result = (v[HT_P_rs_tells] == 0.0f) || learns_rs(v);
         break;
     case HT_MISFIT_STOP_TIME:
         result = v[HT_P_stop_s] >= ht_misfit_stop_s(p);
