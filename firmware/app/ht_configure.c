@@ -318,6 +318,20 @@ static void configure_heat(const ht_params *p, ht_heat_config *c)
     c->trip_degC = v[HT_P_winding_trip_degC];
 }
 
+/* The dc link's voltage stands for so long before the relay closes, and the relay takes as long. */
+#define CHARGED_S 0.1f
+
+static void configure_outputs(const float *v, ht_outputs_config *c)
+{
+    c->precharge_V = v[HT_P_precharge_V];
+    c->rearm_V = v[HT_P_vdc_min_V];
+    c->stands = CHARGED_S * v[HT_P_f_slow_Hz];
+    c->opens = v[HT_P_brake_open_s] * v[HT_P_f_slow_Hz];
+    c->closes = v[HT_P_brake_close_s] * v[HT_P_f_slow_Hz];
+    c->hold_Nm = v[HT_P_brake_Nm];
+    c->fan_after = v[HT_P_fan_s] * v[HT_P_f_slow_Hz];
+}
+
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
     const float *v = c->params.v;
@@ -359,6 +373,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     apply_protection(v, &c->protect);
     ht_excitation_configure(&c->params, &c->excitation);
     ht_short_circuit_configure(&c->params, &c->short_circuit);
+    configure_outputs(v, &c->outputs);
 }
 
 ht_result ht_configure(const ht_port *port, ht_drive_config *c, ht_pwm_setup *setup)

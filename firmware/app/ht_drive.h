@@ -163,6 +163,7 @@ typedef struct {
     /* Of the slow interrupt, out of the fast one's way. */
     uint32_t limit_from[HT_LIMITS]; /**< tick at which each limit began to act, the latest time */
     uint32_t limit_to[HT_LIMITS];   /**< and at which it was last seen to */
+    ht_outputs_state outputs;       /**< a fault closes the brake in the fast one all the same */
     uint16_t torque_limited_by;     /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
 } ht_drive;
 

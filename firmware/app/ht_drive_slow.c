@@ -385,6 +385,8 @@ static void follow_reference(ht_drive *d, const ht_drive_config *c)
     float most_Nm;
     unsigned nearer;
     unsigned acts = vdc_acts;
+    ht_brake brake = ht_outputs_brake(&c->outputs, &d->outputs, d->control.estimate.torque_Nm,
+                                      v[HT_P_motion] == (float)HT_MOTION_FOLLOW);
     d->torque_least_Nm =
         -((negative_Nm > 0.0f) ? smaller(d->torque_limit_Nm, negative_Nm) : d->torque_limit_Nm);
     nearer = limit_torque(d, v, &least_Nm, &most_Nm);
@@ -395,7 +397,17 @@ static void follow_reference(ht_drive *d, const ht_drive_config *c)
     if (vdc_acts != 0u) {
         ht_speed_follow(&d->speed, d->in.torque_ref_Nm); /* the regulator goes on from there */
     }
-    if ((v[HT_P_control_mode] != 0.0f) && (v[HT_P_motion] == (float)HT_MOTION_FOLLOW)) {
+    if (brake == HT_BRAKE_BUILDS) {
+        d->torque_ref_Nm = ht_between(c->outputs.hold_Nm, least_Nm, most_Nm);
+        ht_ramp_reset(&d->ramp, d->speed_rpm);
+        ht_speed_follow(&d->speed, d->torque_ref_Nm);
+        acts |= (unsigned)HT_LIMIT_BRAKE;
+    } else if (brake != HT_BRAKE_OPEN) { /* it moves: stand still */
+        float error = -d->speed_rpm * (PI_F / 30.0f);
+        ht_ramp_reset(&d->ramp, 0.0f);
+        d->torque_ref_Nm = ht_speed_step(&c->speed, &d->speed, error, least_Nm, most_Nm);
+        acts |= (unsigned)HT_LIMIT_BRAKE;
+    } else if ((v[HT_P_control_mode] != 0.0f) && (v[HT_P_motion] == (float)HT_MOTION_FOLLOW)) {
         d->torque_ref_Nm = ht_between(v[HT_P_torque_ref_Nm], least_Nm, most_Nm);
         d->motion = (uint16_t)HT_MOTION_FOLLOW;
         ht_ramp_reset(&d->ramp, d->speed_rpm);
@@ -412,15 +424,17 @@ static void follow_reference(ht_drive *d, const ht_drive_config *c)
     note_limits(d, acts);
 }
 
-/* A stop is over when the shaft stands as for a start, or when its time is. Then the gates go off, as at a
+/* A stop is over when the shaft stands as for a start and the brake holds it, or when its time is. Then the gates go off, as at a
  * command of the background. */
-static void come_to_a_stop(ht_drive *d, const float *v)
+static void come_to_a_stop(ht_drive *d, const ht_drive_config *c)
 {
+    const float *v = c->params.v;
     if (d->motion == (uint16_t)HT_MOTION_FOLLOW) {
         return;
     }
     d->stop_ticks += 1.0f;
-    if (((d->ramp.speed_rpm == 0.0f) && (fabsf(d->speed_rpm) <= v[HT_P_start_max_rpm]))
+    if (((d->ramp.speed_rpm == 0.0f) && (fabsf(d->speed_rpm) <= v[HT_P_start_max_rpm])
+         && ht_outputs_close(&c->outputs, &d->outputs))
         || (d->stop_ticks >= (v[HT_P_stop_s] * v[HT_P_f_slow_Hz]))) {
         ht_drive_stop(d);
     }
@@ -576,6 +590,31 @@ static uint32_t too_hot(const ht_drive *d)
     return (d->heat_share > 0.0f) ? 0u : HT_FAULT_WINDING;
 }
 
+/* The fast interrupt may come in between and find a fault: its brake must not open again. */
+static void switch_outputs(ht_drive *d, const ht_drive_config *c)
+{
+    bool works = ((ht_state_flags(d->state) & (unsigned)HT_AT_WORK) != 0u)
+                 || (d->heat_warnings != 0u);
+    uint16_t on = ht_outputs_step(&c->outputs, &d->outputs, d->in.vdc_V, works);
+    uint16_t others = on;
+    if (d->state != (uint16_t)HT_STATE_RUN) {
+        ht_outputs_drop(&d->outputs);
+    } else if (ht_outputs_lifted(&c->outputs, &d->outputs)) {
+        on |= (uint16_t)HT_OUT_BRAKE;
+    } else {
+        /* the brake is closed */
+    }
+    if (on == d->outputs.on) {
+        return;
+    }
+    d->outputs.on = on;
+    ht_port_outputs(d->port, on);
+    if ((on != others) && (d->state != (uint16_t)HT_STATE_RUN)) {
+        d->outputs.on = others;
+        ht_port_outputs(d->port, others);
+    }
+}
+
 void ht_drive_slow_isr(ht_drive *d)
 {
     uint32_t faults = 0u; /* written once: the fast interrupt may read them at any time */
@@ -603,11 +642,12 @@ void ht_drive_slow_isr(ht_drive *d)
             d->flux_ref_Wb = weakened_Wb(d, c);
             refer_torque(d, c);
         }
-        come_to_a_stop(d, c->params.v);
+        come_to_a_stop(d, c);
     } else {
         if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->control.observer.magnets) {
             faults = follow_build(d, c);
         }
         d->slow_faults = faults | too_hot(d);
     }
+    switch_outputs(d, c);
 }

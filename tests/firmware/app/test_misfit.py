@@ -135,6 +135,14 @@ CASES = {
         {"rs_tells": "resistance", "observer": "compensated"},
         "rs_tells = resistance, adapt_s = 1 s: R_s tells something only with an induction machine",
     ),
+    "PRECHARGE": (
+        {"precharge_V": 154.0},
+        "precharge_V = 154 V, vdc_min_V = 150 V: the level must be 0 (no relay), or above 1.03",
+    ),
+    "BRAKE": (
+        {"brake_open_s": 0.2, "brake_Nm": -6.0, "torque_negative_Nm": 5.0},
+        "brake_Nm = -6 N m, torque_limit_Nm = 15 N m: with a brake (brake_open_s) the torque before",
+    ),
 }
 
 
