@@ -141,7 +141,7 @@ CASES = {
     ),
     "BRAKE": (
         {"brake_open_s": 0.2, "brake_Nm": -6.0, "torque_negative_Nm": 5.0},
-        "brake_Nm = -6 N m, torque_limit_Nm = 15 N m: with a brake (brake_open_s) the torque before",
+        "brake_Nm = -6 N m, torque_limit_Nm = 15 N m: with a brake (brake_open_s) the torque",
     ),
 }
 

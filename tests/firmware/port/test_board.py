@@ -504,8 +504,8 @@ LEVELS = {"f28335": (0x6FC0, 8), "f28377s": (0x7F00, 8), "launchxl_f28377s": (0x
 
 @pytest.mark.parametrize("name", BOARDS)
 def test_outputs_are_inputs_until_the_start_makes_them_low(name):
-    """An input is what the board's resistor makes of it: the relay is open, the brake closed, the fan
-    off. Then each bit moves its own pin and no other."""
+    """An input is what the board's resistor makes of it: relay open, brake closed, fan off. Then
+    each bit moves its own pin and no other."""
     started = Started.__new__(Started)
     started.name, started.rf = name, ffi.new("ht_regfile *")
     board = getattr(lib, f"ht_board_{name}")

@@ -14,8 +14,7 @@ WORK_MS = 1e-3
 
 
 class Hoist:
-    """A drive whose shaft a brake holds until it has been open for OPEN_S; when it is let go it falls in
-    CLOSE_S, and holds from then on."""
+    """A drive whose shaft a brake holds. It opens in OPEN_S and closes in CLOSE_S."""
 
     def __init__(self, **changes):
         setup = load(NAME)
