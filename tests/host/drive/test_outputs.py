@@ -97,6 +97,9 @@ def test_what_takes_the_gates_off_closes_the_brake_at_once(end):
     hoist.run(0.5)
     assert hoist.told_open
     sim = hoist.sim
+    hoist.run(0.004)  # the slow interrupt has just been
+    drive = sim.controller.drive
+    assert 10 < drive.tick - drive.tick_last < 90
     gpio = sim.controller.port.board.output[1].gpio
     words = sim.controller.register_words()
 
