@@ -125,8 +125,15 @@ def mutants(subject: Subject) -> list[Mutant]:
     return sorted(found, key=place)
 
 
-def drawn(subject: Subject, rooms: tuple[str, ...], count: int, seed: int) -> list[Mutant]:
-    every = [mutant for mutant in mutants(subject) if mutant.file.split("/")[0] in rooms]
+def drawn(
+    subject: Subject, rooms: tuple[str, ...], file: str, count: int, seed: int
+) -> list[Mutant]:
+    """file: only of this one; "": of all in the rooms."""
+    every = [
+        mutant
+        for mutant in mutants(subject)
+        if mutant.file.split("/")[0] in rooms and file in ("", mutant.file)
+    ]
     print(f"{len(every)} mutants, {min(count, len(every))} drawn with seed {seed}", flush=True)
     return random.Random(seed).sample(every, min(count, len(every)))
 
@@ -301,6 +308,7 @@ def run(subject: Subject, states: States, prepare: Prepare) -> int:
     parser.add_argument("--count", type=int, default=subject.count, help="how many are drawn")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--room", choices=subject.rooms, help="only this one")
+    parser.add_argument("--file", default="", help="only this one, as the page names it")
     parser.add_argument("--jobs", type=int, default=2, help="at once (default 2)")
     parser.add_argument("--write", action="store_true", help="renew docs/mutation.md")
     parser.add_argument("--judged", action="store_true", help="only what is judged already")
@@ -308,7 +316,9 @@ def run(subject: Subject, states: States, prepare: Prepare) -> int:
     if not MUTATOR.exists():
         raise SystemExit("mutate: universalmutator is missing; `make mutate` installs it")
     rooms = (asked.room,) if asked.room else subject.rooms
-    chosen = drawn(subject, rooms, asked.count, asked.seed)
+    chosen = drawn(subject, rooms, asked.file, asked.count, asked.seed)
+    if not chosen:
+        raise SystemExit(f"mutate: --file {asked.file}: no file of these rooms, or nothing in it")
     book = Book(subject, states)
     if not asked.judged and not book.done.keys() >= set(chosen):
         judge(chosen, asked.jobs, book, prepare(book, rooms))

@@ -1,6 +1,7 @@
 """Tests the tests: `make mutate`, or
 
-    python tools/mutate.py [--count N] [--seed N] [--room core] [--jobs N] [--write] [--judged]
+    python tools/mutate.py [--count N] [--seed N] [--room core] [--file app/ht_log.c] [--jobs N]
+                           [--write] [--judged]
 
 Changes the firmware in one place (universalmutator's rules for C: an operator, a constant, a
 statement that is left out), builds it and runs the tests. A test must fail. The mutants are drawn
@@ -68,9 +69,9 @@ FIRMWARE = Subject(
     alike="and it makes the same code of",
 )
 TESTS = ROOT / "tests" / "firmware"
-C_TESTS = ("test_core", "test_vectors", "test_store")
-#: The one that takes longer than the others needs nothing of the core but numbers.
-NOT_FOR_CORE = "test_store"
+C_TESTS = ("test_core", "test_vectors", "test_store", "test_log")
+#: Those that need nothing of the core but numbers: the first takes longer than the others.
+NOT_FOR_CORE = ("test_store", "test_log")
 #: Files of tests that take less are the first where no name has a word of the mutated file's.
 QUICK_S = 0.3
 #: What the rules make of literals and types without knowing C: (2+1)u, 0.(3-1)f, 0.-1f, uint-1_t.
@@ -184,7 +185,7 @@ class Bench:
         objects = (self.folder / Path(file).name).with_suffix(".o")
         endless = (-signal.SIGXCPU, -signal.SIGKILL)
         for name in C_TESTS:
-            if name == NOT_FOR_CORE and file.startswith("core/"):
+            if name in NOT_FOR_CORE and file.startswith("core/"):
                 continue
             program = self.folder / name
             if not linked(objects, program):

@@ -50,7 +50,9 @@ PAGE = ROOT / "host" / "hexatorque" / "monitor" / "page"
 FOLDERS = ("core", "app", "port", "port/c2000", "port/host")
 LINK = ("ht_burst.c", "ht_octets.c", "ht_packet.c", "ht_streams.c")
 COMPILER = [sys.executable, "-m", "ziglang", "cc", "-target", "wasm32-wasi"]
-OPTIONS = ["-mexec-model=reactor", "-Os", *EXACT, "-s", "-Wl,-z,stack-size=262144"]
+#: The module is small rather than quick.
+SMALL = ["-Os", "-DHT_SMALL", "-mllvm", "-inline-threshold=0"]
+OPTIONS = ["-mexec-model=reactor", *SMALL, *EXACT, "-s", "-Wl,-z,stack-size=262144"]
 #: Modules that make the page, and the packages that have them.
 NEEDED = {"ziglang": "ziglang", "zopfli": "zopfli", "minify": "tdewolff-minify"}
 SCRIPT = "application/javascript"
@@ -184,6 +186,10 @@ def tables(of: list[Held]) -> dict:
         "results": {number: row.text for number, row in RESULTS.items()},
         "misfits": misfits(),
         "sets": firmware.PARAMETER_SETS,
+        "events": firmware.EVENTS,
+        "started": lib.HT_EVENT_START,
+        "acting": list(firmware.LIMITS.values()),
+        "resets": [firmware.reset_cause(number) for number in range(lib.HT_RESETS)],
         "timed": TIMED_WITH_THE_PLANT,
         "phases": PHASES,
         "traced": CHANNELS,

@@ -1,5 +1,5 @@
 """Renew the generated parts of docs/comparison.md from what `hexatorque evidence papers references`
-wrote, and from docs/budget.json.
+and `hexatorque evidence limit` wrote into a folder, or one of them, and from docs/budget.json.
 
 Usage: write_comparison.py [OUT_DIR]
 
@@ -15,12 +15,14 @@ from pathlib import Path
 
 import doc_page
 
-from hexatorque.evidence.methods.methods import methods
+from hexatorque.evidence.methods.methods import TABLE, methods
 from hexatorque.evidence.methods.references import memory_bytes
+from hexatorque.evidence.studies import limit as study
 
 PAGE = Path("docs/comparison.md")
 NAME = "REFERENCES"
-PICTURES = (NAME, f"{NAME}-others")
+LIMIT = "limit"
+PICTURES = (NAME, f"{NAME}-others", LIMIT)
 MACHINE = "mps2-an386"
 #: Within this limit one number of each figure is shown.
 SHOWN = "4000"
@@ -173,7 +175,7 @@ def costs(budget: dict) -> str:
     rows = []
     for method in methods():
         name = method.name
-        row = counted.get(name)
+        row = counted.get(name.split()[0])  # variants of a scheme differ in parameters alone
         own = memory.get(name)
         rows.append(
             [
@@ -230,19 +232,46 @@ def published(metrics: dict) -> str:
     return f"Two statements of others, and the same ratios here: {link}.\n"
 
 
+def limit(folder: Path) -> str:
+    """The limit, and what the best methods of the page's fronts have over it."""
+    result = doc_page.read_whole(folder / f"{LIMIT}.json")
+    ((_, heads, rows),) = study.grid(result)
+    link = doc_page.keep_data(PAGE, LIMIT, heads, rows)
+    family = {method.name: method.family for method in methods()}
+    reached: dict[str, dict[str, tuple[float, float]]] = {}
+    head, *fronts = doc_page.read_data(PAGE, "fronts")
+    for row in fronts:
+        one = dict(zip(head, row))
+        cells = one["THD∞ [%]"], one[f"Td ≤ {float(SHOWN) / 1e3:g} kHz"]
+        if family[one["method"]] != TABLE and "–" not in cells:
+            point = one["point"].rpartition(", ")[0]
+            reached.setdefault(point, {})[one["method"]] = float(cells[0]), float(cells[1])
+    study.plot(result, folder / f"{LIMIT}.png", reached)
+    over = []
+    for n, figure, end in ((1, "td_Nm", -1), (0, "thd_inf_pct", 0)):
+        ratios = [
+            min(one[n] for one in reached[at["point"]].values()) / at["limit"][end][figure]
+            for at in result["points"]
+        ]
+        over.append(f"{min(ratios):.2f} to {max(ratios):.2f}")
+    return (
+        f"Within {float(SHOWN) / 1e3:g} kHz the best method has {over[0]} times the least Td, and "
+        f"the best one {over[1]} times the least THD∞. The limit, and carrier modulation: {link}.\n"
+        f"\n![The limit and what the methods reach](images/{LIMIT}.png)\n"
+    )
+
+
 def measured(folder: Path) -> dict[str, str]:
-    found = doc_page.read_figures(folder, [NAME])
-    if not found:
-        raise SystemExit(f"{folder}: {NAME} is not there")
-    metrics = found[NAME]["metrics"]
-    return {
-        "sentences": sentences(metrics),
-        "fronts": fronts(metrics),
-        "sampling": sampling(metrics),
-        "steps": steps(metrics),
-        "errors": errors(metrics),
-        "published": published(metrics),
-    }
+    parts = {}
+    if found := doc_page.read_figures(folder, [NAME]):
+        metrics = found[NAME]["metrics"]
+        for part in (sentences, fronts, sampling, steps, errors, published):
+            parts[part.__name__] = part(metrics)
+    if (folder / f"{LIMIT}.json").exists():
+        parts[LIMIT] = limit(folder)
+    if not parts:
+        raise SystemExit(f"{folder}: neither {NAME} nor {LIMIT} is there")
+    return parts
 
 
 def main() -> None:

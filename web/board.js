@@ -142,7 +142,7 @@ export class Board {
       busy: this.pace.busy, marks_s: [], gaps: 0, lost: 0,
       record: this.recorded && { file: this.recorded.file, rows: this.recorded.rows, seconds: this.recorded.rows / this.rate_Hz },
       state: drive.state, may_start: drive.state === this.tables.idle, may_clear: drive.state === this.tables.fault,
-      working: drive.working, faults, time_s: drive.time_s, plugged: true, broken: this.broken ?? "",
+      working: drive.working, faults, limits: drive.working ? drive.limits() : [], time_s: drive.time_s, plugged: true, broken: this.broken ?? "",
       notice: this.notice, reset: "", resets: 0, stops_in_s: null, pages: 1, f_isr_Hz: this.f_isr_Hz,
       damaged: 0, retries: 0, reconnects: 0, board_damaged: 0, board_overruns: 0, board_dropped: 0, guarded: false,
       values: this.version.values, snapshot: this.version.snapshot, capture: this.captureNumber,
@@ -323,7 +323,7 @@ const REQUESTS = {
   "/device": (board) => board.device(),
   "/values": (board) => board.values,
   "/snapshot": (board) => ({ found: board.drive.snapshot() }),
-  "/log": () => ({ found: null }),
+  "/log": (board) => ({ found: board.drive.log() }),
   "/captures": (board) => [...board.captures.values()].map((one) => board.described(one)),
   "/commissioning": () => ({ found: null }),
   "/capture"(board, _, { number }) {

@@ -66,8 +66,7 @@ export class Drive {
   }
 
   get faults() {
-    const bits = this.c.web_faults();
-    return this.tables.device.faults.filter((row) => bits & row.bit).map((row) => row.name);
+    return named(this.tables.device.faults, this.c.web_faults());
   }
 
   /** Which set of parameters the drive began with. */
@@ -252,7 +251,6 @@ export class Drive {
     const one = () => all[at++];
     const list = (n) => Array.from({ length: n }, one);
     const { states, faults, warnings } = this.tables.device;
-    const named = (rows, bits) => rows.filter((row) => bits & row.bit).map((row) => row.name);
     const found = {
       tick: one(), state: states[one()], faults: named(faults, one()), warnings: named(warnings, one()),
       adc_counts: list(7), position_counts: one(), i_A: list(6), vdc_V: one(), torque_ref_Nm: one(),
@@ -260,7 +258,46 @@ export class Drive {
     };
     return found.tick ? found : null;
   }
+
+  numbers(at, n) {
+    return [...new Float64Array(this.c.memory.buffer, at, n)];
+  }
+
+  /** What the drive has counted since it began, and its events, the latest first. */
+  log() {
+    const { device, events, acting, resets, started } = this.tables;
+    const [kept, missed, damaged, powered_s, gates_s, starts, vdc_V, current_A, speed_rpm, winding_degC, ...trips] =
+      this.numbers(this.c.web_counters(), 10 + device.faults.length);
+    const found = {
+      kept: !!kept, missed, damaged, powered_s, gates_s, starts, vdc_V, current_A, speed_rpm, winding_degC,
+      trips: Object.fromEntries(device.faults.map(({ name }, k) => [name, trips[k]]).filter(([, n]) => n)), events: [],
+    };
+    for (let at; (at = this.c.web_event(found.events.length));) {
+      const words = new DataView(this.c.memory.buffer, at, 60); // ht_log.h
+      const octet = (k) => words.getUint8(k);
+      const long = (word) => words.getUint32(2 * word, true);
+      const float = (word) => words.getFloat32(2 * word, true);
+      found.events.push({
+        event: events[octet(0)], state: device.states[octet(1)], scheme: this.shown(this.id("scheme"), octet(2)),
+        sequence: long(2), powered_s: long(4), gates_s: long(6),
+        causes: octet(0) === started ? [resets[octet(3)]] : [...named(device.faults, long(8)), ...named(device.warnings, words.getUint16(20, true))],
+        limits: acting.filter((_, k) => (words.getUint16(22, true) >> k) & 1),
+        vdc_V: float(12), currents_A: Object.fromEntries(this.tables.phases.map((name, k) => [name, float(14 + 2 * k)])),
+        speed_rpm: float(26), winding_degC: float(28),
+      });
+    }
+    return found;
+  }
+
+  /** The limits that act: {name, for_s}. */
+  limits() {
+    const { acting } = this.tables;
+    const seconds = this.numbers(this.c.web_limits(), acting.length);
+    return acting.map((name, k) => ({ name, for_s: seconds[k] })).filter(({ for_s }) => for_s >= 0);
+  }
 }
+
+const named = (rows, bits) => rows.filter((row) => bits & row.bit).map((row) => row.name);
 
 /** The shortest decimal number with the same float32. */
 function shortest(value) {

@@ -9,6 +9,7 @@
 #include "ht_board_of_device.h"
 #include "ht_burst_rows.h"
 #include "ht_drive.h"
+#include "ht_log.h"
 #include "ht_misfit.h"
 #include "ht_plant.h"
 #include "ht_port_c2000.h"
@@ -24,7 +25,8 @@ enum {
     BLOCK_WORDS = HT_STORE_FILE_BLOCK / 2,
     AREA_WORDS = HT_STORE_FILE_BLOCKS * BLOCK_WORDS,
     MOST_OPENS = 8,
-    SNAPSHOT_VALUES = 32
+    SNAPSHOT_VALUES = 32,
+    COUNTERS = 10 + HT_LOG_TRIPS
 };
 
 /* What tools/web.py writes of a set-up, member by member. */
@@ -69,6 +71,10 @@ static struct {
     float values[HT_PARAMS];
     uint16_t at; /* ht_drive_write's */
     double snapshot[SNAPSHOT_VALUES];
+    ht_drive_log log; /* without a memory: it lasts as long as the page */
+    uint16_t event[HT_LOG_WORDS];
+    double counters[COUNTERS];
+    double limits[HT_LIMITS];
     const char *failure; /* why the plant stopped */
 } w;
 
@@ -124,6 +130,8 @@ uint32_t API(web_setup_bytes)(void)
     return (uint32_t)sizeof w.setup;
 }
 
+static const ht_reset power_on = {HT_RESET_POWER, 0u};
+
 /* The drive of the set-up, as after a reset, with the parameters that the areas hold if there are
  * any. */
 int32_t API(web_begin)(void)
@@ -147,6 +155,8 @@ int32_t API(web_begin)(void)
         return (int32_t)HT_ERROR_PORT;
     }
     ht_burst_init(&w.burst, w.memory, CAPTURE_VALUES);
+    ht_log_none(&w.log);
+    ht_log_start(&w.log, &power_on);
     for (id = 0u; id < ht_param_count(); id++) {
         params.v[id] = (float)w.setup.params[id];
     }
@@ -173,6 +183,7 @@ static void fast(uint64_t handle)
 static void slow(uint64_t handle)
 {
     ht_drive_slow_isr((ht_drive *)(uintptr_t)handle);
+    ht_log_turn(&w.log, &w.drive, false); /* the background, which is all that the page has of it */
 }
 
 static void read_channels(uint64_t handle, uint64_t target)
@@ -436,4 +447,49 @@ double *API(web_snapshot)(void)
     *out++ = (double)s->estimate.torque_Nm;
     *out++ = (double)s->speed_rpm;
     return w.snapshot;
+}
+
+/* --- the log, and the limits that act --------------------------------------------------------- */
+
+/* Event `row` of the log in the words of ht_log.h, 0 is the latest, or NULL. */
+uint16_t *API(web_event)(int32_t row)
+{
+    return (ht_log_row(&w.log, &w.drive, (uint16_t)row, w.event) == HT_OK) ? w.event : NULL;
+}
+
+/* In the order that web/drive.js names, the trips of each fault last. */
+double *API(web_counters)(void)
+{
+    const ht_log_counters *c = &w.log.counters;
+    double *out = w.counters;
+    uint16_t k;
+    *out++ = ht_log_keeps(&w.log) ? 1.0 : 0.0;
+    *out++ = c->missed;
+    *out++ = w.log.ring.damaged;
+    *out++ = c->powered_s;
+    *out++ = c->gates_s;
+    *out++ = c->starts;
+    *out++ = (double)c->vdc_V;
+    *out++ = (double)c->current_A;
+    *out++ = (double)c->speed_rpm;
+    *out++ = (double)c->winding_degC;
+    for (k = 0u; k < HT_LOG_TRIPS; k++) {
+        *out++ = w.log.trips[k];
+    }
+    return w.counters;
+}
+
+/* Of each row of ht_limits.def: for how many seconds it has acted, or -1. */
+double *API(web_limits)(void)
+{
+    const ht_drive *d = &w.drive;
+    bool controls = (ht_state_flags(d->state) & (uint16_t)HT_CONTROLS) != 0u;
+    uint16_t k;
+    for (k = 0u; k < HT_LIMITS; k++) {
+        bool acts = controls && ((d->limits & (1u << k)) != 0u);
+        w.limits[k] = acts ? ((double)(uint32_t)(d->tick - d->limit_from[k])
+                              / (double)d->params.v[HT_P_f_isr_Hz])
+                           : -1.0;
+    }
+    return w.limits;
 }

@@ -188,6 +188,12 @@ static float encoder_gain(const float *v, float filter_s)
     return 1.0f / (1.0f + filter_s * v[HT_P_f_isr_Hz]);
 }
 
+/* Per slow interrupt; 0: off. */
+static float adaptation_gain(const float *v, float time_s)
+{
+    return (time_s > 0.0f) ? (1.0f / (1.0f + time_s * v[HT_P_f_slow_Hz])) : 0.0f;
+}
+
 static void apply_protection(const float *v, ht_protect_config *c)
 {
     float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
@@ -368,8 +374,8 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
     c->built = HEAT_BUILT * BUILD_ADAPT_S * v[HT_P_f_slow_Hz];
     c->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
-    c->adapt_gain = (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz]))
-                                             : 0.0f;
+    c->adapt_gain = adaptation_gain(v, v[HT_P_adapt_s]);
+    c->flux_gain = adaptation_gain(v, v[HT_P_adapt_psi_f_s]);
     apply_protection(v, &c->protect);
     ht_excitation_configure(&c->params, &c->excitation);
     ht_short_circuit_configure(&c->params, &c->short_circuit);

@@ -43,6 +43,7 @@ typedef struct {
     ht_set_difference_config sets;
     float adapt_gain; /**< of the resistances, per slow interrupt */
     float build_gain; /**< the same during the build-up */
+    float flux_gain;  /**< of the magnets' flux */
     float built;      /**< slow interrupts of a build-up whose R_s tells something */
     ht_params params; /**< the parameters that all this is derived from */
     ht_excitation_config excitation;

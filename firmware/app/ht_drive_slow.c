@@ -615,6 +615,10 @@ static void switch_outputs(ht_drive *d, const ht_drive_config *c)
     }
 }
 
+/* Share of the dc link's voltage that magnets induce at least where it tells their flux: dead time and
+ * devices are wrong by up to 1 % of V_dc. */
+#define FLUX_TOLD_BY 0.1f
+
 void ht_drive_slow_isr(ht_drive *d)
 {
     uint32_t faults = 0u; /* written once: the fast interrupt may read them at any time */
@@ -634,6 +638,8 @@ void ht_drive_slow_isr(ht_drive *d)
             ht_leg_loss_tolerate(&d->control.leg_loss, c->params.v[HT_P_rs_ohm],
                                  c->params.v[HT_P_lxy_H], d->control.observer.omega_sync_rad_s);
             ht_observer_adapt_magnet(&c->control.observer, &d->control.observer, c->adapt_gain);
+            ht_observer_adapt_flux(&c->control.observer, &d->control.observer, c->flux_gain,
+                                   FLUX_TOLD_BY * d->in.vdc_V);
             refer_magnets(d, c);
         } else {
             learn_resistances(d, c);

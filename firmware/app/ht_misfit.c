@@ -182,6 +182,16 @@ float ht_misfit_band_V(const ht_params *p)
     return power_W * VDC_PERIODS / (VDC_SHARE * v[HT_P_f_isr_Hz] * level_V * v[HT_P_link_F]);
 }
 
+/* Of i_trip_A, what the ripple of interleaved carriers may take. */
+#define RIPPLE_SHARE 0.25f
+
+float ht_misfit_ripple_Hz(const ht_params *p)
+{
+    const float *v = p->v;
+    float ripple_pu = ht_scheme_xy_ripple_pu(ht_scheme_describe((uint16_t)v[HT_P_scheme]));
+    return ripple_pu * v[HT_P_vdc_max_V] / (RIPPLE_SHARE * v[HT_P_i_trip_A] * v[HT_P_lxy_H]);
+}
+
 float ht_misfit_stop_s(const ht_params *p)
 {
     const float *v = p->v;
@@ -341,6 +351,9 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         break;
     case HT_MISFIT_LEAST_LOSS:
         result = (v[HT_P_machine] == 0.0f) || (v[HT_P_flux_least_loss] == 0.0f);
+        break;
+    case HT_MISFIT_XY_RIPPLE:
+        result = f_isr_Hz >= ht_misfit_ripple_Hz(p);
         break;
     case HT_MISFIT_SHORT_KIND:
     case HT_MISFIT_SHORT_BEARS:

@@ -45,6 +45,9 @@ float ht_misfit_stop_s(const ht_params *p);
 /** With magnets: largest current of a short circuit of all legs, A, just beyond `speed_trip_rpm`. */
 float ht_misfit_short_A(const ht_params *p);
 
+/** Least `f_isr_Hz` with which the ripple of interleaved carriers leaves i_trip_A; 0 for other schemes. */
+float ht_misfit_ripple_Hz(const ht_params *p);
+
 /** The first misfit of parameters that are each in range. */
 ht_misfit ht_misfit_of(const ht_params *p, float pwm_clock_Hz);
 

@@ -24,6 +24,7 @@ static bool positive(float value)
 static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
 {
     cfg->law = row->law;
+    cfg->patterns = false;
     switch (row->law) {
 #define HT_VECTOR_LAW(id, law)                                    \
     case HT_LAW_##id:                                             \
@@ -34,9 +35,15 @@ static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
     case HT_LAW_##id:           \
         cfg->needs_xy = true;   \
         break;
+#define HT_PATTERN_LAW(id, law) \
+    case HT_LAW_##id:           \
+        cfg->needs_xy = true;   \
+        cfg->patterns = true;   \
+        break;
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     default:
         break;
     }
@@ -74,9 +81,11 @@ static ht_config_status law_check(const ht_control_config *cfg)
     case HT_LAW_##id:                                                           \
         status = voltage_law_check(cfg, ht_##law##_law_check(&cfg->law##_law)); \
         break;
+#define HT_PATTERN_LAW HT_VOLTAGE_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     default:
         break;
     }
@@ -98,9 +107,11 @@ static void law_reset(ht_control_state *st)
 {
 #define HT_VECTOR_LAW(id, law) ht_##law##_law_reset(&st->law##_law);
 #define HT_VOLTAGE_LAW HT_VECTOR_LAW
+#define HT_PATTERN_LAW HT_VECTOR_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     ht_modulator_reset(&st->modulator);
 }
 
@@ -137,9 +148,11 @@ static HT_INTO_CALLERS bool vector_step(const ht_control_config *cfg, ht_control
         *p = ht_##law##_law_step(&cfg->law##_law, &st->law##_law, &seen, &st->v_xy_pu, s); \
         break;
 #define HT_VOLTAGE_LAW(id, law)
+#define HT_PATTERN_LAW HT_VOLTAGE_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     default:
         done = false;
         break;
@@ -168,9 +181,11 @@ static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_contr
     case HT_LAW_##id:                                                                   \
         v = ht_##law##_law_step(&cfg->law##_law, &cfg->observer, &st->law##_law, seen); \
         break;
+#define HT_PATTERN_LAW HT_VOLTAGE_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     default:
         v = no_voltage;
         break;
@@ -178,19 +193,30 @@ static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_contr
     return v;
 }
 
+/* What the modulator, or a law in its place, works with; the number of the toggles to `number`. */
+static HT_INTO_CALLERS ht_modulator_input modulator_seen(const ht_control_config *cfg,
+                                                         const ht_control_state *st,
+                                                         const ht_control_input *in,
+                                                         uint16_t *number)
+{
+    ht_modulator_input given;
+    *number = (st->active.own == 1u) ? 2u : 1u;
+    given.dead = &cfg->dead;
+    given.i_A = &in->i_A;
+    given.before = st->active.s[2];
+    given.period = &cfg->period;
+    return given;
+}
+
 /* The modulator writes the pattern of a voltage, because every leg has an instant of its own. */
 static HT_INTO_CALLERS void modulate(const ht_control_config *cfg, ht_control_state *st,
                                      const ht_control_input *in, ht_winding winding, ht_vsd v,
                                      ht_compare *out)
 {
-    uint16_t number = (st->active.own == 1u) ? 2u : 1u;
-    ht_modulator_input given;
+    uint16_t number;
+    ht_modulator_input given = modulator_seen(cfg, st, in, &number);
     ht_vsd legs; /* of another winding than 30 degrees */
     ht_vsd *told = &v;
-    given.dead = &cfg->dead;
-    given.i_A = &in->i_A;
-    given.before = st->active.s[2];
-    given.period = &cfg->period;
     if (winding != HT_WINDING_30) {
         legs = ht_modulator_legs(winding, &v);
         told = &legs;
@@ -201,6 +227,28 @@ static HT_INTO_CALLERS void modulate(const ht_control_config *cfg, ht_control_st
     st->v_xy_pu = v.xy;
 }
 
+/* What a law sees that commands a voltage, or makes a pattern. */
+static HT_INTO_CALLERS void machine_seen(const ht_control_config *cfg, const ht_control_state *st,
+                                         const ht_control_input *in, ht_vsd i, bool magnets,
+                                         ht_voltage_law_input *seen)
+{
+    seen->psi_Wb = st->decided.psi_Wb;
+    seen->psi_xy_Wb = st->psi_xy_Wb;
+    seen->i_A = i;
+    seen->turn_rad = cfg->observer.ts_s * st->observer.omega_sync_rad_s;
+    if (magnets) {
+        seen->rotor_Wb = st->rotor_Wb;
+        seen->emf_V = st->emf_V;
+    } else {
+        seen->rotor_Wb =
+            ht_observer_predict_rotor(&cfg->observer, &st->observer, st->estimate.psi_Wb, i.ab);
+    }
+    seen->rs_ohm = st->observer.rs_ohm;
+    seen->torque_ref_Nm = in->torque_ref_Nm;
+    seen->flux_ref_Wb = in->flux_ref_Wb;
+    seen->vdc_V = in->vdc_V;
+}
+
 /* A voltage that the law wants, units of Vdc. */
 static HT_INTO_CALLERS ht_vsd wanted_pu(const ht_control_config *cfg, ht_control_state *st,
                                         const ht_control_input *in, ht_vsd i, bool lost,
@@ -208,21 +256,7 @@ static HT_INTO_CALLERS ht_vsd wanted_pu(const ht_control_config *cfg, ht_control
 {
     ht_voltage_law_input seen;
     ht_vsd v;
-    seen.psi_Wb = st->decided.psi_Wb;
-    seen.psi_xy_Wb = st->psi_xy_Wb;
-    seen.i_A = i;
-    seen.turn_rad = cfg->observer.ts_s * st->observer.omega_sync_rad_s;
-    if (magnets) {
-        seen.rotor_Wb = st->rotor_Wb;
-        seen.emf_V = st->emf_V;
-    } else {
-        seen.rotor_Wb =
-            ht_observer_predict_rotor(&cfg->observer, &st->observer, st->estimate.psi_Wb, i.ab);
-    }
-    seen.rs_ohm = st->observer.rs_ohm;
-    seen.torque_ref_Nm = in->torque_ref_Nm;
-    seen.flux_ref_Wb = in->flux_ref_Wb;
-    seen.vdc_V = in->vdc_V;
+    machine_seen(cfg, st, in, i, magnets, &seen);
     if (lost) {
         seen.i_A.xy = ht_lost_legs_across(&st->lost, seen.i_A.xy);
         seen.psi_xy_Wb = ht_lost_legs_across(&st->lost, seen.psi_xy_Wb);
@@ -251,14 +285,17 @@ void ht_control_configure(ht_control_config *cfg, const ht_law_setting *given)
         ht_##law##_law_configure(&cfg->law##_law, given, &cfg->modulator); \
         break;
 #define HT_VOLTAGE_LAW HT_VECTOR_LAW
+#define HT_PATTERN_LAW HT_VECTOR_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     default:
         break;
     }
     ht_modulator_wind(&cfg->modulator, cfg->observer.winding);
-    cfg->special = cfg->observer.magnets || (cfg->observer.winding != HT_WINDING_30);
+    cfg->special =
+        cfg->patterns || cfg->observer.magnets || (cfg->observer.winding != HT_WINDING_30);
 }
 
 float ht_control_reach_pu(const ht_control_config *cfg)
@@ -270,9 +307,11 @@ float ht_control_reach_pu(const ht_control_config *cfg)
         reach_pu = ht_##law##_law_reach_pu(&cfg->law##_law, reach_pu); \
         break;
 #define HT_VOLTAGE_LAW(id, law)
+#define HT_PATTERN_LAW HT_VOLTAGE_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     default:
         break;
     }
@@ -651,6 +690,45 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     commit(cfg, st, s, p, out);
 }
 
+/* From the sample to the middle of a half of the carriers of a law that makes the pattern, in periods. */
+#define HALF_AHEAD 2.0f
+
+/* The step of a law that makes the pattern, of a drive that has all its legs. A function of its own, as that
+ * below. */
+HT_APART HT_WITH_CALLED static void pattern_step(const ht_control_config *cfg, ht_control_state *st,
+                                  const ht_control_input *in, ht_compare *out)
+{
+    bool magnets = cfg->observer.magnets;
+    ht_vsd i = currents_of(HT_WINDING_30, &in->i_A);
+    ht_voltage_law_input seen;
+    ht_modulator_input given;
+    uint16_t which;
+    observe(cfg, st, in, i, false, magnets, false, HT_WINDING_30);
+    if (magnets) {
+        st->emf_V = induced_V(cfg, st, in->axis, HALF_AHEAD);
+    }
+    st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
+    machine_seen(cfg, st, in, i, magnets, &seen);
+    given = modulator_seen(cfg, st, in, &which);
+    switch (cfg->law) {
+#define HT_VECTOR_LAW(id, law)
+#define HT_VOLTAGE_LAW(id, law)
+#define HT_PATTERN_LAW(id, law)                                                             \
+    case HT_LAW_##id:                                                                       \
+        st->v_xy_pu = ht_##law##_law_pattern(&cfg->law##_law, &cfg->observer,               \
+                                             &st->law##_law, &seen, &given, out, &st->next, \
+                                             &st->toggles[which - 1u]);                    \
+        break;
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
+    default:
+        break;
+    }
+    st->next.own = which;
+}
+
 /* Without a leg, with magnets, with sets that are not 30 degrees apart, or to catch a shaft. A function of
  * its own: in one with the step of a healthy induction machine each would cost the other registers. */
 HT_SELDOM HT_WITH_CALLED static void special_step(const ht_control_config *cfg,
@@ -670,6 +748,7 @@ void ht_control_catch_begin(const ht_control_config *cfg, ht_control_state *st, 
     st->observer.psi_r_Wb = flux.psi_r_Wb;
     st->observer.rs_ohm = flux.rs_ohm;
     st->observer.rr_scale = flux.rr_scale;
+    st->observer.more_Wb = flux.more_Wb;
     st->estimate.psi_Wb = flux.psi_Wb;
     st->decided = st->estimate;
     ht_catch_begin(&st->caught, flux.psi_Wb);
@@ -687,7 +766,11 @@ HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_sta
                                     const ht_control_input *in, bool build, ht_compare *out)
 {
     if (cfg->special || (st->lost.axes != 0u)) {
-        special_step(cfg, st, in, build, false, out);
+        if (cfg->patterns && !build && (st->lost.axes == 0u)) {
+            pattern_step(cfg, st, in, out);
+        } else {
+            special_step(cfg, st, in, build, false, out);
+        }
     } else {
         step(cfg, st, in, build, false, false, false, HT_WINDING_30, out);
     }

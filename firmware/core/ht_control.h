@@ -10,7 +10,7 @@
  *    currents, Vdc -> observer -> prediction -> flux or current, x-y regulator -> voltage
  *      -> modulator -> compare registers
  *
- *  ht_laws.def lists the laws.
+ *  A law that makes the pattern itself has no modulator. ht_laws.def lists the laws.
  *
  *  The caller owns config and state; any number of drives can live side by side.
  *  `step` cannot fail: every input, NaN and infinity included, gives a pattern
@@ -22,6 +22,7 @@
 #include "ht_catch.h"
 #include "ht_deadbeat_law.h"
 #include "ht_foc_law.h"
+#include "ht_interleaved_law.h"
 #include "ht_leg_loss.h"
 #include "ht_lost_legs.h"
 #include "ht_modulator.h"
@@ -33,7 +34,8 @@ typedef struct {
     bool shadow;           /**< a pattern takes effect one period after its step */
     bool predict;          /**< decide on the state one period ahead */
     bool needs_xy;         /**< the law decides by the x-y flux */
-    bool special;          /**< magnets, or sets that are not 30 degrees apart */
+    bool patterns;         /**< the law decides on the pattern itself */
+    bool special; /**< magnets, sets that are not 30 degrees apart, or a law that makes patterns */
     bool only_v0;          /**< zero vectors: V0 only, else the one with the fewest transitions */
     float drop_V;          /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
     float build_current_A; /**< current limit of the flux build-up */
@@ -43,9 +45,11 @@ typedef struct {
 /* <law>_law: that of `law` is used, the others may hold anything. */
 #define HT_VECTOR_LAW(id, law) ht_##law##_law_config law##_law;
 #define HT_VOLTAGE_LAW HT_VECTOR_LAW
+#define HT_PATTERN_LAW HT_VECTOR_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     ht_modulator_config modulator; /**< of a voltage law, and of every law without legs */
     ht_leg_loss_config leg_loss;
 } ht_control_config;
@@ -78,9 +82,11 @@ typedef struct {
 /* <law>_law */
 #define HT_VECTOR_LAW(id, law) ht_##law##_law_state law##_law;
 #define HT_VOLTAGE_LAW HT_VECTOR_LAW
+#define HT_PATTERN_LAW HT_VECTOR_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     ht_modulator_state modulator;
     ht_toggles toggles[2]; /**< of `active` and `next`, where they are modulated */
     ht_leg_loss_state leg_loss;

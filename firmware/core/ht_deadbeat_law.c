@@ -1,12 +1,9 @@
 #include "ht_deadbeat_law.h"
 
-#include "ht_limited.h"
-#include "ht_turned.h"
+#include "ht_flux_step.h"
 
 #include <math.h>
 
-/* What torque gets at least, of the largest step, squared. */
-#define TORQUE_SHARE2 0.25f
 /* Largest step of the flux with much L_xy, units of Vdc Ts. The inverter reaches 0.64; a command beyond it makes
  * the modulator limit legs, up to twelve-step operation. */
 #define REACH_PU 1.0f
@@ -55,52 +52,6 @@ void ht_deadbeat_law_reset(ht_deadbeat_law_state *st)
     ht_xy_reset(&st->xy);
 }
 
-/* The flux that has the torque asked for, next to the length asked for. */
-static ht_ab flux_reference(const ht_observer_config *machine, const ht_voltage_law_input *in,
-                            float length_Wb)
-{
-    ht_ab r = in->rotor_Wb;
-    float r2 = r.alpha * r.alpha + r.beta * r.beta;
-    float inverse = 1.0f / ((r2 > HT_LAW_LEAST_WB2) ? r2 : HT_LAW_LEAST_WB2);
-    float b = in->torque_ref_Nm * machine->sigma_ls_H / machine->torque_gain * inverse;
-    float a2 = length_Wb * length_Wb * inverse - b * b;
-    float a = sqrtf((a2 > HT_LAW_RADIAL2_LEAST) ? a2 : HT_LAW_RADIAL2_LEAST);
-    ht_ab psi;
-    psi.alpha = a * r.alpha - b * r.beta;
-    psi.beta = a * r.beta + b * r.alpha;
-    return psi;
-}
-
-/* The same with magnets, whose r changes with the flux. */
-static ht_ab magnet_reference(const ht_magnet_config *m, const ht_voltage_law_input *in,
-                              float length_Wb)
-{
-    ht_ab r = in->rotor_Wb;
-    float r2 = r.alpha * r.alpha + r.beta * r.beta;
-    float size_Wb = sqrtf((r2 > HT_LAW_LEAST_WB2) ? r2 : HT_LAW_LEAST_WB2);
-    ht_ab u = {r.alpha / size_Wb, r.beta / size_Wb};
-    ht_dq now = {ht_along(u, in->psi_Wb), u.alpha * in->psi_Wb.beta - u.beta * in->psi_Wb.alpha};
-    ht_dq wanted = ht_magnet_wanted_Wb(m, size_Wb, now, length_Wb, in->torque_ref_Nm);
-    ht_ab along = {wanted.d, wanted.q};
-    return ht_product(u, along);
-}
-
-/* A step that the voltage cannot make: the length first, as far as torque's share lets it,
- * then as much torque as is left. */
-static ht_ab within_reach(ht_ab e, ht_ab along, float inv_size, float radial, float most)
-{
-    float left = most * most - radial * radial;
-    float least = TORQUE_SHARE2 * most * most;
-    float tangential = ht_limited(along.alpha * e.beta - along.beta * e.alpha,
-                                  sqrtf((left > least) ? left : least));
-    /* along the circle, not its tangent */
-    float outward = radial - 0.5f * tangential * tangential * inv_size;
-    ht_ab step;
-    step.alpha = outward * along.alpha - tangential * along.beta;
-    step.beta = outward * along.beta + tangential * along.alpha;
-    return step;
-}
-
 ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer_config *machine,
                             ht_deadbeat_law_state *st, const ht_voltage_law_input *in)
 {
@@ -119,8 +70,8 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     float turn = turns.sine;
     float back = turns.back;
     ht_ab along = {inv_size * psi.alpha, inv_size * psi.beta};
-    ht_ab wanted = machine->magnets ? magnet_reference(&machine->magnet, in, size + radial)
-                                    : flux_reference(machine, in, size + radial);
+    ht_ab wanted = machine->magnets ? ht_flux_reference_magnet(machine, in, in->psi_Wb, size + radial)
+                                    : ht_flux_reference(machine, in, size + radial);
     ht_ab e;
     float e2;
     ht_vsd v;
@@ -134,7 +85,7 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
             most = cfg->reach_pu * step;
         }
         if (!(e2 <= (most * most))) {
-            e = within_reach(e, along, inv_size, radial, most);
+            e = ht_flux_step_within(e, along, inv_size, radial, most);
         }
     }
     v.ab.alpha = e.alpha * volts_per_Wb + drop * (psi.alpha - in->rotor_Wb.alpha);

@@ -1,5 +1,6 @@
 #include "ht_modulator.h"
 
+#include "ht_toggled.h"
 #include "ht_winding.h"
 
 #include <math.h>
@@ -314,25 +315,6 @@ static HT_INTO_CALLERS void modulate_set(const told *to, bool falling, three_pha
     modulate(to->t, &k, middle - u.q, to->i_A->p[c], c, to->found, to->ca, to->instant, share);
 }
 
-/* The pattern as the observer knows it. `rises`: of the legs that toggle. */
-static HT_INTO_CALLERS void describe(ht_applied *applied, unsigned before, const legs *found,
-                                     unsigned rises)
-{
-    unsigned start = found->high | (found->moves ^ rises);
-    unsigned edge0 = before ^ start; /* legs with an edge at the period's very start */
-    applied->before = (uint16_t)before;
-    applied->s[0] = (uint16_t)start;
-    applied->s[1] = (uint16_t)(found->high | rises);
-    applied->s[2] = applied->s[1];
-    applied->t[0] = 0.0f;
-    applied->t[1] = 1.0f;
-    applied->t[2] = 1.0f;
-    applied->later = found->moves;
-    applied->close = 0u; /* edges are at least the dead time apart */
-    applied->rising = (edge0 & start) | rises;
-    applied->falling = (edge0 & before) | (found->moves ^ rises);
-}
-
 void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, ht_vsd *v_pu,
                        const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
                        ht_toggles *toggles)
@@ -371,7 +353,7 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     modulate_set(&to, other, set.two, zero_sequence(set.second, kappa.two), 5u, 1u, 3u, share.p);
 
     rises = found.moves & ((falling ? 0u : HT_SET1) | (other ? 0u : HT_SET2));
-    describe(applied, in->before, &found, rises);
+    ht_applied_toggles(applied, in->before, found.high, found.moves, rises);
     applied->mean_pu = ht_vsd_from_six(&share);
     out->start = applied->s[0];
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {

@@ -24,6 +24,9 @@ static float cross(ht_ab p, ht_ab q)
 /* ... with magnets, their voltage must be below half of the drop, squared: there a psi_f that is 8 %
  * wrong moves R_s by 4 %, ... */
 #define ADAPT_TURNED2 0.25f
+/* ... and above four times the drop, squared, to tell their flux, which loses 0.1 to 0.2 % a kelvin, ... */
+#define ADAPT_FLUX_TURNED2 16.0f
+#define ADAPT_FLUX 0.25f /* of the configured one, at most */
 /* ... and no resistance leaves 0.5 .. 1.6 of its configured value: copper from
  * -40 to 180 degC spans 0.76 .. 1.63 of its value at 20 degC. */
 #define ADAPT_LEAST 0.5f
@@ -40,6 +43,7 @@ void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, ht_
     st->omega_sync_rad_s = 0.0f;
     st->rs_ohm = cfg->rs_ohm;
     st->rr_scale = 1.0f;
+    st->more_Wb = 0.0f;
 }
 
 void ht_observer_stand_still(ht_observer_state *st)
@@ -178,6 +182,26 @@ void ht_observer_adapt_magnet(const ht_observer_config *cfg, ht_observer_state *
     }
 }
 
+void ht_observer_adapt_flux(const ht_observer_config *cfg, ht_observer_state *st, float gain,
+                            float least_V)
+{
+    ht_ab i = st->i_A;
+    ht_ab r = st->psi_r_Wb;
+    float r2 = r.alpha * r.alpha + r.beta * r.beta;
+    float turned2 = st->omega_sync_rad_s * st->omega_sync_rad_s * r2;
+    float drop2 = st->rs_ohm * st->rs_ohm * (i.alpha * i.alpha + i.beta * i.beta);
+    float most = ADAPT_FLUX * cfg->magnet.psi_f_Wb;
+    if (!(gain > 0.0f)) {
+        st->more_Wb = 0.0f;
+    } else if ((turned2 > ADAPT_FLUX_TURNED2 * drop2) && (turned2 > least_V * least_V)) {
+        ht_ab e = disagreement_V(cfg, st);
+        float off_Wb = cross(r, e) / (st->omega_sync_rad_s * sqrtf(r2));
+        st->more_Wb = ht_between(st->more_Wb + gain * off_Wb, -most, most); /* one write, too */
+    } else {
+        /* too little to tell */
+    }
+}
+
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st, ht_ab v_V,
                                ht_ab i_A, float turn_rad, float inv_psi_ref2)
 {
@@ -216,7 +240,7 @@ ht_estimate ht_observer_update_magnet(const ht_observer_config *cfg, ht_observer
                                       ht_ab v_V, ht_ab i_A, float turn_rad, ht_ab axis)
 {
     float half_rs = 0.5f * st->rs_ohm;
-    float r = ht_magnet_active_Wb(&cfg->magnet, axis, i_A);
+    float r = ht_magnet_active_Wb(&cfg->magnet, axis, i_A) + st->more_Wb;
     ht_estimate now;
     ht_ab psi;
     psi.alpha = st->psi_Wb.alpha + cfg->ts_s * (v_V.alpha - half_rs * (st->i_A.alpha + i_A.alpha));

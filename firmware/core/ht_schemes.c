@@ -8,6 +8,7 @@
 #define XY_LARGE_PU 0.172546f
 #define XY_MEDIUM_PU 0.471405f
 #define XY_SMALL_PU LONGEST_PU
+#define XY_RIPPLE_PU 0.168f
 #define LONGEST_PU 0.643951f
 #define LONGEST_ALIKE_PU 0.666667f
 
@@ -28,9 +29,11 @@ bool ht_law_commands_voltage(ht_law law)
     static const bool commands[HT_LAWS] = {
 #define HT_VECTOR_LAW(id, law) false,
 #define HT_VOLTAGE_LAW(id, law) true,
+#define HT_PATTERN_LAW HT_VOLTAGE_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     };
     return ((unsigned)law < (unsigned)HT_LAWS) && commands[law];
 }
@@ -56,6 +59,11 @@ float ht_longest_pu(ht_winding winding)
     return (winding == HT_WINDING_30) ? LONGEST_PU : LONGEST_ALIKE_PU;
 }
 
+float ht_scheme_xy_ripple_pu(const ht_scheme_info *row)
+{
+    return (row->vectors == HT_VECTORS_INTERLEAVED) ? XY_RIPPLE_PU : 0.0f;
+}
+
 float ht_scheme_xy_step_pu(const ht_scheme_info *row, ht_winding winding)
 {
     if (winding != HT_WINDING_30) {
@@ -66,6 +74,7 @@ float ht_scheme_xy_step_pu(const ht_scheme_info *row, ht_winding winding)
         return XY_LARGE_PU;
     case HT_VECTORS_PAIR:
     case HT_VECTORS_MODULATED:
+    case HT_VECTORS_INTERLEAVED:
         return XY_MEDIUM_PU;
     case HT_VECTORS_PAIR_SMALL:
         return XY_SMALL_PU;

@@ -19,9 +19,11 @@ typedef enum {
 typedef enum {
 #define HT_VECTOR_LAW(id, law) HT_LAW_##id,
 #define HT_VOLTAGE_LAW HT_VECTOR_LAW
+#define HT_PATTERN_LAW HT_VECTOR_LAW
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
     HT_LAWS
 } ht_law;
 
@@ -33,7 +35,8 @@ typedef enum {
     HT_VECTORS_VIRTUAL = 3,    /**< three consecutive vectors of the group */
     HT_VECTORS_MODULATED = 4,  /**< no table: those that a modulator makes of a voltage */
     HT_VECTORS_CENTRED = 5,    /**< the same: zero sequences centred, carriers in phase */
-    HT_VECTORS_TURNED = 6      /**< the same: set 2's carrier turned in every second sector */
+    HT_VECTORS_TURNED = 6,     /**< the same: set 2's carrier turned in every second sector */
+    HT_VECTORS_INTERLEAVED = 7 /**< the same: carriers a quarter of their period apart */
 } ht_vectors;
 
 typedef struct {
@@ -48,7 +51,8 @@ typedef struct {
 /** Row of a scheme, or NULL if there is no such number. */
 const ht_scheme_info *ht_scheme_describe(uint16_t scheme);
 
-/** True if a law commands a voltage (ht_voltage_law.h). It needs shadow load and prediction. */
+/** True if a law commands a voltage (ht_voltage_law.h), or a pattern from what that sees. It needs shadow load
+ *  and prediction. */
 bool ht_law_commands_voltage(ht_law law);
 
 /** True if the scheme regulates the x-y currents to zero. */
@@ -73,5 +77,9 @@ float ht_longest_pu(ht_winding winding);
  *  period the mean is zero, and in between they reach a third. A command that is beyond what the
  *  modulator can make loses this mean. There is none where both sets make the same voltage. */
 float ht_scheme_xy_step_pu(const ht_scheme_info *row, ht_winding winding);
+
+/** Largest x-y flux of the ripple of interleaved carriers, at any voltage, units of Vdc Ts; 0 for
+ *  another scheme. */
+float ht_scheme_xy_ripple_pu(const ht_scheme_info *row);
 
 #endif

@@ -18,14 +18,17 @@
 
 #define HT_LEGS 6
 
-/** Where a function is compiled: one that seldom runs, small and not into its caller; into each of its
- *  callers; with copies of all that it calls. */
-#ifdef __GNUC__
+/** Where a function is compiled: one that seldom runs, small and not into its caller; not into its caller;
+ *  into each of its callers; with copies of all that it calls. HT_SMALL: an image whose size counts and
+ *  whose time does not has one of each. */
+#if defined(__GNUC__) && !defined(HT_SMALL)
 #define HT_SELDOM __attribute__((cold, noinline))
+#define HT_APART __attribute__((noinline))
 #define HT_INTO_CALLERS inline __attribute__((always_inline))
 #define HT_WITH_CALLED __attribute__((flatten))
 #else
 #define HT_SELDOM
+#define HT_APART
 #define HT_INTO_CALLERS
 #define HT_WITH_CALLED
 #endif

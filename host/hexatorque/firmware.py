@@ -327,12 +327,19 @@ def _least_short_A(value_of: Callable[[str], Any]) -> float:
     return float(lib.ht_misfit_short_A(ffi.new("ht_params *", [values])))
 
 
+def least_ripple_Hz(value_of: Callable[[str], Any]) -> float:
+    """Least `f_isr_Hz` at which the ripple of interleaved carriers is small enough."""
+    values = [row.parse(value_of(name)) for name, row in parameters().items()]
+    return float(lib.ht_misfit_ripple_Hz(ffi.new("ht_params *", [values])))
+
+
 #: The same with its least value.
 _LEAST: dict[int, Callable[[Callable[[str], Any]], float]] = {
     lib.HT_MISFIT_VDC_BAND: _least_band_V,
     lib.HT_MISFIT_STOP_TIME: _least_stop_s,
     lib.HT_MISFIT_HEAT_TIMES: _least_winding_s,
     lib.HT_MISFIT_SHORT_BEARS: _least_short_A,
+    lib.HT_MISFIT_XY_RIPPLE: least_ripple_Hz,
 }
 
 

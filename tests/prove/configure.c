@@ -2,10 +2,10 @@
 #include "ht_configure.c"
 #include "ht_contracts.h"
 #include "ht_control.c"
-#define magnet_reference deadbeat_reference /* a name of two files */
 #include "ht_deadbeat_law.c"
-#undef magnet_reference
 #include "ht_foc_law.c"
+#include "ht_interleaved.c"
+#include "ht_interleaved_law.c"
 #include "ht_lost_legs.c"
 #include "ht_misfit.h"
 #include "ht_modulator.c"
@@ -73,5 +73,6 @@ void prove_configure(void)
     MUST(IMPLIES(c->law != HT_LAW_TABLE, ht_modulator_check(&c->modulator)));
     MUST(IMPLIES(c->law == HT_LAW_DEADBEAT, ht_deadbeat_law_check(&c->deadbeat_law)));
     MUST(IMPLIES(c->law == HT_LAW_FOC, ht_foc_law_check(&c->foc_law)));
+    MUST(IMPLIES(c->law == HT_LAW_INTERLEAVED, ht_interleaved_law_check(&c->interleaved_law)));
     MUST(IMPLIES(c->law != HT_LAW_TABLE, c->shadow && c->predict));
 }

@@ -280,6 +280,13 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     return ht_vsd_from_six(0);
 }
 
+ht_vsd ht_interleaved_law_step(const ht_interleaved_law_config *cfg,
+                               const ht_observer_config *machine, ht_interleaved_law_state *st,
+                               const ht_voltage_law_input *in)
+{
+    return ht_deadbeat_law_step(&cfg->deadbeat, machine, &st->deadbeat, in);
+}
+
 /* Any registers that follow `first`, and any pattern. */
 static void any_compare(uint16_t start, const ht_period *period, ht_compare *out)
 {
@@ -331,6 +338,16 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     modulated = true;
 }
 
+ht_xy ht_interleaved_law_pattern(const ht_interleaved_law_config *cfg,
+                                 const ht_observer_config *machine, ht_interleaved_law_state *st,
+                                 const ht_voltage_law_input *in, const ht_modulator_input *pwm,
+                                 ht_compare *out, ht_applied *applied, ht_toggles *toggles)
+{
+    (void)ht_interleaved_law_step(cfg, machine, st, in);
+    ht_modulator_step(0, 0, 0, pwm, out, applied, toggles);
+    return any_xy();
+}
+
 void ht_pattern_counts(const uint16_t s[3], ht_action_points p, const ht_period *period,
                        ht_compare *counts, ht_applied *applied)
 {
@@ -363,7 +380,8 @@ static bool is_state(const ht_control_config *cfg, const ht_control_state *st)
            && HT_IS_WORD(st->flow.out) && HT_IS_WORD(st->flow.in) && HT_IS_SECTOR(st->sector)
            && is_law_state(&cfg->table_law, &st->table_law)
            && HT_IS_XY_STATE(st->deadbeat_law.xy, XY_LIMIT_DEADBEAT)
-           && HT_IS_XY_STATE(st->foc_law.xy, XY_LIMIT_DEADBEAT);
+           && HT_IS_XY_STATE(st->foc_law.xy, XY_LIMIT_DEADBEAT)
+           && HT_IS_XY_STATE(st->interleaved_law.deadbeat.xy, XY_LIMIT_DEADBEAT);
 }
 
 static bool is_same_pattern(const ht_applied *a, const ht_applied *b)
@@ -429,6 +447,8 @@ static void any_step(ht_control_config *cfg, ht_control_state *st, ht_control_in
     st->deadbeat_law.xy.against = any_xy();
     st->foc_law.xy.with = any_xy();
     st->foc_law.xy.against = any_xy();
+    st->interleaved_law.deadbeat.xy.with = any_xy();
+    st->interleaved_law.deadbeat.xy.against = any_xy();
     GIVEN(is_state(cfg, st));
     in->i_A = any_six();
     in->vdc_V = nondet_float();
@@ -473,7 +493,8 @@ static void step_of(the_case which, ht_law law, bool shadow, ht_winding winding)
     any_step(&cfg, &st, &in);
     cfg.observer.magnets = which == MAGNETS;
     cfg.observer.winding = winding;
-    cfg.special = (which == MAGNETS) || (winding != HT_WINDING_30);
+    cfg.patterns = law == HT_LAW_INTERLEAVED;
+    cfg.special = cfg.patterns || (which == MAGNETS) || (winding != HT_WINDING_30);
     GIVEN(leg < 6u);
     if (which == LOST) {
         GIVEN(st.lost.axes != 0u);
@@ -506,7 +527,8 @@ static ht_winding turned(void)
 static ht_law any_law(void)
 {
     ht_law law = (ht_law)nondet_uint16();
-    GIVEN((law == HT_LAW_TABLE) || (law == HT_LAW_DEADBEAT) || (law == HT_LAW_FOC));
+    GIVEN((law == HT_LAW_TABLE) || (law == HT_LAW_DEADBEAT) || (law == HT_LAW_FOC)
+          || (law == HT_LAW_INTERLEAVED));
     return law;
 }
 
@@ -540,6 +562,11 @@ void prove_control_deadbeat(void)
 void prove_control_deadbeat_turned(void)
 {
     step_of(RUNS, HT_LAW_DEADBEAT, true, turned());
+}
+
+void prove_control_interleaved(void)
+{
+    step_of(RUNS, HT_LAW_INTERLEAVED, true, HT_WINDING_30);
 }
 
 void prove_control_foc(void)

@@ -73,6 +73,13 @@ _TEXTS: dict[str, dict[str, str]] = {
         "color": "#8c564b",
         "marker": "d",
     },
+    "db-ipwm": {
+        "source": "this project: the deadbeat law for each set",
+        "vectors": "interleaved carriers, pulses placed for the least ripple",
+        "xy": "deadbeat for each set, dual integrators",
+        "color": "#882255",
+        "marker": "*",
+    },
 }
 
 

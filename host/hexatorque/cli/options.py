@@ -189,11 +189,11 @@ settings = value(
 )
 
 
-def point(without: str, schemes=schemes):
-    """Schemes of a set-up at an operating point."""
+def at_point(without: str, *between):
+    """A set-up at an operating point. between: other options, after the set-up."""
     return together(
         setup(None, without),
-        schemes,
+        *between,
         value(
             "--speed",
             metavar="RPM",
@@ -203,6 +203,11 @@ def point(without: str, schemes=schemes):
         load,
         settings,
     )
+
+
+def point(without: str, schemes=schemes):
+    """Schemes of a set-up at an operating point."""
+    return at_point(without, schemes)
 
 
 baud = value(

@@ -566,9 +566,13 @@ class BoardDrive(DriveVerbs):
         timeout_s: float | None = None,
         now: bool = False,
         uploaded: Callable[[float], None] | None = None,
+        started: bool = False,
     ) -> Recording:
-        """As for every drive. `uploaded` is called with the share of the data that has come."""
-        return self._upload(board_captures.wait(self.client, timeout_s, now), uploaded)
+        """As for every drive. `uploaded` is called with the share of the data that has come.
+        `started`: for this capture; LinkError if the drive ends before the trigger."""
+        dictionary = self.dictionary if started else None
+        found = board_captures.wait(self.client, timeout_s, now, dictionary)
+        return self._upload(found, uploaded)
 
     def _upload(
         self, found: wire.CaptureReply, uploaded: Callable[[float], None] | None

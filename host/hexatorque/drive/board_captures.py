@@ -66,10 +66,14 @@ def state(client: Client) -> CaptureReply:
         raise LinkError(f"{client.url}: CAPTURE: {error}") from None
 
 
-def wait(client: Client, timeout_s: float | None, manual: bool) -> CaptureReply:
+def wait(
+    client: Client, timeout_s: float | None, manual: bool, dictionary: Dictionary | None = None
+) -> CaptureReply:
     """Wait until the capture is complete. `manual`: send TRIGGER as soon as the samples before
-    the trigger are there. LinkError after `timeout_s` (None: never), or if none is armed."""
+    the trigger are there. `dictionary`: its drive has been started for this capture. LinkError
+    after `timeout_s` (None: never), if none is armed, or if that drive ends before the trigger."""
     end = None if timeout_s is None else time.monotonic() + timeout_s
+    ended = False
     while True:
         at = client.get_status().capture
         if at == CaptureState.COMPLETE:
@@ -78,6 +82,11 @@ def wait(client: Client, timeout_s: float | None, manual: bool) -> CaptureReply:
             raise LinkError(str(client.stopped))
         if at == CaptureState.NONE:
             raise LinkError("capture: none is armed")
+        if dictionary and at in (CaptureState.FILLING, CaptureState.WAITING):
+            now = _ended(client, dictionary)
+            if now and ended:  # once more: the end may be what triggers
+                raise LinkError(f"capture: {now} before the trigger")
+            ended = bool(now)
         if at == CaptureState.WAITING and manual:
             client.do(Op.TRIGGER, what="trigger")
             manual = False
@@ -85,6 +94,16 @@ def wait(client: Client, timeout_s: float | None, manual: bool) -> CaptureReply:
             what = CaptureState(at).name.lower()
             raise LinkError(f"capture: not complete within {timeout_s:g} s ({what})")
         time.sleep(0.02)
+
+
+def _ended(client: Client, dictionary: Dictionary) -> str:
+    """How the drive has ended, by the latest reply; "" while it is at work."""
+    assert client.latest
+    now = client.state(client.latest.state)
+    if now.at_work:
+        return ""
+    causes = ", ".join(dictionary.causes(client.faults))
+    return f"the drive tripped ({causes})" if causes else f"the drive stopped (state {now.name})"
 
 
 def upload(

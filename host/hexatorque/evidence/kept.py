@@ -17,7 +17,9 @@ MEASURING = (
     *(f"analysis/{name}.py"
       for name in ("losses", "metrics", "response", "run", "spectrum", "walk")),
     *(f"evidence/methods/{name}.py"
-      for name in ("bench", "search", "methods", "places", "steps", "errors")),
+      for name in (
+          "bench", "carrier", "errors", "limit", "methods", "places", "search", "steps"
+      )),
 )  # fmt: skip
 
 

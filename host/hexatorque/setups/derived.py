@@ -458,7 +458,7 @@ OPEN: dict[str, Rule] = {
 
 #: Rules that a rotor with magnets has no use for.
 OF_A_WINDING = (
-    "rr_ohm", "lr_H", "lm_H", "sigma_ls_H", "flux_hold",
+    "rr_ohm", "lr_H", "lm_H", "sigma_ls_H",
     "iron_hysteresis_A_Wb", "iron_eddy_S", "flux_reserve_Nm", "adapt_s",
 )  # fmt: skip
 
@@ -546,7 +546,6 @@ OPEN_MAGNET: dict[str, Rule] = {
         "20 % of the smaller of psi_f and flux_ref_Wb, and what the firmware takes at least",
         lambda k: max(LEAST_FLUX_WB, 0.2 * min(k.machine.psi_f_Wb, k.flux_Wb)),
     ),
-    "flux_hold": Rule("off: the magnets' flux does not decay", lambda k: 0.0),
     "loss_check": Rule(
         OPEN["loss_check"].text + "; without harmonics in machine.emf_share 2.6 % of Vdc at least: "
         "they may be there",

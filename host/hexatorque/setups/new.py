@@ -103,6 +103,8 @@ STEP_WHY = "{}; with measured ones 1 is quicker"
 LXY_OF_LD_RANGE = (0.14, 0.41)
 #: Range of the sensors over the amplitude of the rated current, and over the dc-link voltage.
 I_RANGE, V_RANGE = 3.5, 1.6
+#: Threshold of IGBTs and diodes. A lower dc link has MOSFETs, whose channels have none.
+THRESHOLD_V, LEAST_IGBT_V = 1.0, 100.0
 
 
 def read(text: str, keys: dict[str, Key]) -> dict[str, Any]:
@@ -414,6 +416,7 @@ def _text(
         "inverter": {
             "vdc_V": chosen("vdc_V", "reaches rated voltage with 10 % left for control"),
             "dead_time_us": (given["dead_time_us"], "assumed", "1 .. 3: see the gate drivers"),
+            **_thresholds(chosen("vdc_V", "")[0]),
         },
         "sensors": {
             "i_full_A": chosen("i_full_A", f"{I_RANGE:g} times the rated amplitude"),
@@ -438,6 +441,15 @@ def _text(
         lines.append(_line(name, row, Key("number", known[name].help)))
     lines += [SCHEME_LINE.format(FALLBACK), ""]
     return "\n".join(lines)
+
+
+def _thresholds(vdc_V: float) -> dict[str, tuple]:
+    """Where the drive knows of none it takes them for stator resistance, at little current for one
+    that is several times the machine's."""
+    if vdc_V < LEAST_IGBT_V:
+        return {}
+    about = "about that of an IGBT and its diode; 0: a MOSFET"
+    return {name: (THRESHOLD_V, "assumed", about) for name in ("v_switch_V", "v_diode_V")}
 
 
 def with_best_scheme(text: str, name: str) -> tuple[str, str, str, list[str]]:

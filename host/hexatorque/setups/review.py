@@ -750,8 +750,16 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
             "f_isr_Hz for the machine's time constants", p("f_isr_Hz"), least_Hz, "Hz",
             f"set controller.f_isr_Hz = {math.ceil(least_Hz / 1e4) * 10_000}",
         )  # fmt: skip
+        if lib.ht_scheme_xy_ripple_pu(row):
+            least_Hz = firmware.least_ripple_Hz(lambda key: name if key == "scheme" else p(key))
+            yield at_least(
+                "f_isr_Hz for the x-y ripple of interleaved carriers", p("f_isr_Hz"), least_Hz, "Hz",
+                f"set controller.f_isr_Hz = {math.ceil(least_Hz / 1e3) * 1000}, or take db-dtfc",
+            )  # fmt: skip
         yield from _reach(d, row, by_table=False)
-        yield from _expected(d, 0.5 * p("f_isr_Hz"))  # a leg toggles once in a period
+        # A leg toggles once in a period, or in two where carriers are interleaved.
+        interleaved = row.vectors == lib.HT_VECTORS_INTERLEAVED
+        yield from _expected(d, (0.25 if interleaved else 0.5) * p("f_isr_Hz"))
         return
     single, virtual = row.vectors == lib.HT_VECTORS_SINGLE, row.vectors == lib.HT_VECTORS_VIRTUAL
     vector_pu = _vector_pu(d, row)

@@ -166,7 +166,7 @@ static float wanted(const uint8_t *in, size_t n, uint16_t id)
 static bool needs_prediction(float scheme)
 {
     return (scheme == (float)HT_DB_DTFC) || (scheme == (float)HT_FOC)
-           || (scheme == (float)HT_FOC_24);
+           || (scheme == (float)HT_FOC_24) || (scheme == (float)HT_DB_IPWM);
 }
 
 /* An answer to values that are right one by one: does it fit them together? */

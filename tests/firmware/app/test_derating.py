@@ -121,7 +121,7 @@ def test_torque_beside_the_current_along_the_flux(derating):
 #: x-y part of what stays on for a whole period, or a third of it, over Vdc.
 XY_PU = {
     "dtc1": 0.1725, "dtc2": 0.4714, "dtc3": 0.6440, "fdr": 0.0575, "ddr": 0.0575, "ddr-ml": 0.1571,
-    "db-dtfc": 0.4714, "foc": 0.0575, "foc-24": 0.0575,
+    "db-dtfc": 0.4714, "foc": 0.0575, "foc-24": 0.0575, "db-ipwm": 0.4714,
 }  # fmt: skip
 
 

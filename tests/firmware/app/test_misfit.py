@@ -131,6 +131,10 @@ CASES = {
         {**MAGNET, "trip_state": "short-circuit", "magnets_bear_A": 26.6},
         "magnets_bear_A = 26.6 A, i_full_A = 30 A: with trip_state = short-circuit the sensors",
     ),
+    "XY_RIPPLE": (
+        {"scheme": "db-ipwm", "lxy_H": 1e-3},
+        "f_isr_Hz = 10000 Hz, lxy_H = 0.001 H: allowed is 1.075e+04 Hz and more: the ripple",
+    ),
     "HEAT_RS": (
         {"rs_tells": "resistance", "observer": "compensated"},
         "rs_tells = resistance, adapt_s = 1 s: R_s tells something only with an induction machine",

@@ -189,6 +189,46 @@ def test_a_wrong_resistance_is_learnt_where_the_magnets_induce_little(machine, s
         assert state.rs_ohm == pytest.approx(r / share)
 
 
+@pytest.mark.parametrize("share", [0.85, 1.15])
+@pytest.mark.parametrize("turned", [-8.0, 2.0, 8.0])
+def test_a_wrong_flux_is_learnt_where_the_magnets_induce_much(machine, share, turned):
+    """The exact machine turns with a constant current across its magnets, and R is exact. Where
+    they induce less than four times the drop, or too little of the dc link, psi_f stays as it is.
+    An R that is 30 % wrong moves it by less than 0.3/8."""
+    r, _, lq, psi_f, _ = machine
+    i_dq = complex(0, 0.5 * psi_f / lq)
+    omega = turned * r * abs(i_dq) / psi_f
+    flux_V = abs(omega) * psi_f
+
+    def learnt(least_V, r_share=1.0):
+        cfg = observer(machine, 3 * r * abs(i_dq) / psi_f / 2 / np.pi)
+        cfg.rs_ohm = r * r_share
+        cfg.magnet.psi_f_Wb = share * psi_f
+        ts = min(TS, 0.2 / abs(omega))
+        cfg.ts_s, cfg.inv_ts, cfg.hybrid_gain = ts, 1 / ts, cfg.hybrid_gain / TS * ts
+        exact, state = Exact(machine, omega), ffi.new("ht_observer_state *")
+        lib.ht_observer_align(cfg, state, pair(i_dq), pair(1 + 0j))
+        state.omega_sync_rad_s = omega
+        v_dq = r * i_dq + 1j * omega * exact.flux(i_dq, 0.0)
+        v_dq *= np.sinc(omega * ts / 2 / np.pi)  # mean of a period
+        for n in range(1, 12001):
+            axis, middle = (np.exp(1j * omega * ts * k) for k in (n, n - 0.5))
+            lib.ht_observer_update_magnet(
+                cfg, state, pair(v_dq * middle), pair(i_dq * axis), omega * ts, pair(axis)
+            )
+            if n % 100 == 0:
+                lib.ht_observer_adapt_flux(cfg, state, 0.1, least_V)
+        found = share + state.more_Wb / psi_f
+        lib.ht_observer_adapt_flux(cfg, state, 0.0, least_V)
+        assert state.more_Wb == 0
+        return found
+
+    assert learnt(0.5 * flux_V) == pytest.approx(1.0 if abs(turned) > 4 else share, abs=0.01)
+    assert learnt(2.0 * flux_V) == pytest.approx(share, abs=1e-6)
+    if abs(turned) > 4:
+        assert abs(learnt(0.0, 1.3) - 1.0) < 0.3 / 8 + 0.01
+
+
 def test_what_the_harmonics_induce_in_xy(machine):
     """From the six coils' voltages, with sets 30 degrees apart."""
     psi_f = machine.psi_f

@@ -74,12 +74,16 @@ def test_levels_vectors_and_regulators_are_those_of_the_papers():
         "db-dtfc": (lib.HT_VECTORS_MODULATED, lib.HT_L, 0, False),
         "foc": (lib.HT_VECTORS_CENTRED, lib.HT_L, 0, False),
         "foc-24": (lib.HT_VECTORS_TURNED, lib.HT_L, 0, False),
+        "db-ipwm": (lib.HT_VECTORS_INTERLEAVED, lib.HT_L, 0, False),
     }
 
 
 def test_the_law_and_whether_it_commands_a_voltage():
     commands = {name: lib.ht_law_commands_voltage(row.law) for name, row in ROWS.items()}
-    laws = {"db-dtfc": lib.HT_LAW_DEADBEAT, "foc": lib.HT_LAW_FOC, "foc-24": lib.HT_LAW_FOC}
+    laws = {
+        "db-dtfc": lib.HT_LAW_DEADBEAT, "foc": lib.HT_LAW_FOC, "foc-24": lib.HT_LAW_FOC,
+        "db-ipwm": lib.HT_LAW_INTERLEAVED,
+    }  # fmt: skip
     assert commands == {name: name in laws for name in NAMES}
     assert {name: row.law for name, row in ROWS.items() if row.law != lib.HT_LAW_TABLE} == laws
 
@@ -89,7 +93,7 @@ def test_xy_limit_is_that_of_the_regulated_group():
     assert limits == {
         "dtc1": 0, "dtc2": 0, "dtc3": 0, "fdr": 0,
         "ddr": lib.ht_tmvcl_pu[lib.HT_L], "ddr-ml": lib.ht_tmvcl_pu[lib.HT_ML], "db-dtfc": 0,
-        "foc": 0, "foc-24": 0,
+        "foc": 0, "foc-24": 0, "db-ipwm": 0,
     }  # fmt: skip
 
 

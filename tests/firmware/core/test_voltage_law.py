@@ -14,6 +14,15 @@ def machine(ts, rs_ohm=6.0):
     return ffi.new("ht_observer_config *", values)
 
 
+def numbers(value):
+    """What a member of a configuration holds, the members of a struct one by one."""
+    if not isinstance(value, ffi.CData):
+        return value
+    of = ffi.typeof(value)
+    parts = list(value) if of.kind == "array" else [getattr(value, name) for name, _ in of.fields]
+    return [numbers(part) for part in parts]
+
+
 def control(scheme):
     """A configuration and its state, as a drive has them; the drive must be kept."""
     made = Controller("f28377s", {**PREDICTED, "scheme": scheme})
@@ -33,7 +42,7 @@ def test_the_least_sampling_frequency_is_five_per_time_constant():
 
 
 @pytest.mark.parametrize("law", NO_LAW)
-@pytest.mark.parametrize("scheme", ["ddr", "db-dtfc", "foc"])
+@pytest.mark.parametrize("scheme", ["ddr", "db-dtfc", "foc", "db-ipwm"])
 def test_a_law_that_does_not_exist_is_refused(scheme, law):
     """With the reason, whatever else the configuration says."""
     cfg, _ = control(scheme)
@@ -72,7 +81,7 @@ def test_a_law_that_does_not_exist_makes_no_voltage(law, lost):
     assert seen[0] == seen[1] == seen[2]
 
 
-@pytest.mark.parametrize("scheme", ["ddr", "dtc3", "db-dtfc", "foc", "foc-24"])
+@pytest.mark.parametrize("scheme", ["ddr", "dtc3", "db-dtfc", "foc", "foc-24", "db-ipwm"])
 def test_the_law_of_a_scheme_is_configured_and_accepted(scheme):
     """A configuration in memory that may hold anything: what the law uses does not depend on it."""
     made = Controller("f28377s", {**PREDICTED, "scheme": scheme})
@@ -86,9 +95,9 @@ def test_the_law_of_a_scheme_is_configured_and_accepted(scheme):
                                              "vdc_max_V": 400.0, "kappa": 1.0})  # fmt: skip
         lib.ht_control_select(cfg, made.drive.config.control.scheme)
         lib.ht_control_configure(cfg, given)
-        name = ("table_law", "deadbeat_law", "foc_law")[row.law]
+        name = ("table_law", "deadbeat_law", "foc_law", "interleaved_law")[row.law]
         own = getattr(cfg, name)
-        used = [getattr(own, key) for key in dir(own) if not key.startswith("xy")]
+        used = [numbers(getattr(own, key)) for key in dir(own) if not key.startswith("xy")]
         modulator = [getattr(cfg.modulator, key) for key in dir(cfg.modulator)]
         results.append((used, modulator))
     assert results[0] == results[1]

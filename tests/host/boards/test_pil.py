@@ -9,7 +9,9 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+import shorted_machine
 from campaigns import WHOLE, part
 
 import hexatorque
@@ -141,6 +143,25 @@ def test_going_on_without_a_leg_bit_by_bit(quick, m4f, scheme):
     assert outcome.failures() == []
     assert outcome.state == "run"
     assert int(outcome.recording["warnings"][-1]) & 63 == 8
+
+
+def test_a_short_circuit_of_magnets_bit_by_bit(m4f):
+    """A trip above the ceiling, the lower switches, and gates off when the shaft is slow enough."""
+    setup = setups.load(shorted_machine.NAME).changed(shorted_machine.CHANGES)
+    profile = Profile(
+        duration_s=0.4,
+        speed_rpm=((0.06, shorted_machine.ABOVE_RPM),),
+        set=((0.15, *shorted_machine.TRIPS),),
+        samples_per_period=1,
+    )
+    outcome = pil.compare(setup, profile, m4f)
+    assert outcome.difference is None and outcome.state == "fault"
+    told = [
+        shorted_machine.WARNING in firmware.warnings(int(bits))
+        for bits in outcome.recording["warnings"]
+    ]
+    shorted = np.flatnonzero(told)
+    assert 0.15 < outcome.recording.time_s[shorted[0]] < 0.152 and not told[-1]
 
 
 def test_commissioning_names_the_same_mistake(m4f):

@@ -106,6 +106,7 @@ ELSEWHERE = {
     "monitor": "board monitor",
     "pil": "evidence pil",
     "budget": "evidence budget",
+    "limit": "evidence limit",
 }
 
 
@@ -150,6 +151,9 @@ def test_a_command_of_another_group_is_shown_there(line, capsys):
         ("board status --json=3", ["--json", "not take a value"]),
         ("board start --set rs_ohm --device /dev/null", ["'rs_ohm'", "NAME=VALUE"]),
         ("--show-completion tcsh", ["'tcsh'", "bash, zsh, fish"]),
+        ("evidence limit --speed 900", ["--speed", "--setup is needed"]),
+        ("evidence limit --f-sw 1e-3", ["(--f-sw) = 0.001 Hz", "allowed range is"]),
+        ("evidence limit --setup paper-b --speed 9e3", ["V_dc", "allowed range is 0 .. 0.577"]),
         ("--json", ["no such option", "--json"]),
     ],
 )

@@ -27,8 +27,9 @@ LARGE, MEDIUM, SMALL = 0.644, 0.471, 0.173
 GROUPS = {
     "dtc2": (LARGE, MEDIUM), "dtc3": (LARGE, MEDIUM, SMALL), "fdr": (LARGE,), "ddr": (LARGE,),
     "ddr-ml": (MEDIUM,), "db-dtfc": (LARGE, MEDIUM), "foc": (LARGE,), "foc-24": (LARGE,),
+    "db-ipwm": (LARGE, MEDIUM),
 }  # fmt: skip
-WHOLE = ("dtc2", "dtc3", "db-dtfc")
+WHOLE = ("dtc2", "dtc3", "db-dtfc", "db-ipwm")
 TABLE = ("dtc1", "dtc2", "dtc3", "fdr", "ddr", "ddr-ml")
 
 

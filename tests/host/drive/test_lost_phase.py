@@ -17,7 +17,7 @@ from hexatorque.plant.vsd import PHASES
 
 #: Speed and load: both directions, motoring, generating, no load.
 POINTS = ((300.0, 5.0), (-300.0, 0.0), (900.0, 5.0), (-60.0, -4.0), (300.0, -4.0))
-SCHEMES = ("dtc1", "dtc3", "ddr", "db-dtfc")
+SCHEMES = ("dtc1", "dtc3", "ddr", "db-dtfc", "db-ipwm")
 CASES = [
     (scheme, kind, PHASES[(2 * n + m) % 6], *POINTS[(n + m) % len(POINTS)])
     for (n, scheme), (m, kind) in itertools.product(enumerate(SCHEMES), enumerate(KINDS[1:]))
@@ -117,9 +117,9 @@ def test_zero_switches_the_check_off():
 
 RATED_A = 2.6
 RIDE = {"controller__ride_through": "least-loss", "controller__i_rated_A": 5.0}
-COMMANDING = ("db-dtfc", "foc", "foc-24")
+COMMANDING = ("db-dtfc", "foc", "foc-24", "db-ipwm")
 RIDES = [
-    (COMMANDING[(n + m) % 3], kind, PHASES[(2 * n + 3 * m) % 6], *POINTS[(n + 2 * m) % len(POINTS)])
+    (COMMANDING[(n + m) % 4], kind, PHASES[(2 * n + 3 * m) % 6], *POINTS[(n + 2 * m) % len(POINTS)])
     for n, (m, kind) in itertools.product(range(3), enumerate(KINDS[1:]))
 ]
 

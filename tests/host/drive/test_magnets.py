@@ -125,6 +125,41 @@ def test_an_encoder_that_counts_backwards_gives_no_torque():
     assert abs(drive.plant_state[7]) < 2 * np.pi / drive.machine.pole_pairs
 
 
+def test_a_table_holds_the_flux_while_r_i_takes_the_place_of_the_emf():
+    """Where the machine brakes and R_s i is about the magnets' voltage, nearly no voltage turns the
+    flux, and the table's vectors, 75 degrees away from it, cannot raise it either. L i is a part of
+    it, and that part decays under zero vectors."""
+    sheet_ohm = setups.load("magnet-24v")["machine.rs_ohm"]
+    drive, design = begun(
+        "magnet-24v", "ddr", machine__rs_ohm=1.32 * sheet_ohm, controller__rs_ohm=sheet_ohm
+    )
+    rec = at(drive, design, -0.34, 0.95)
+    flux_Wb = np.hypot(rec["psi_alpha_Wb"], rec["psi_beta_Wb"])
+    assert flux_Wb.mean() > 0.95 * rec["flux_ref_Wb"].mean()
+    assert abs(rec["plant.speed_rpm"].mean() / design.rated_rpm + 0.34) < 0.01
+
+
+@pytest.mark.parametrize("name, scheme, within", [
+    ("magnet-interior", "db-dtfc", 0.01),
+    ("magnet-surface", "dtc3", 0.04),  # near its rated torque R_s i is half of what they induce
+    ("magnet-24v", "foc-24", 0.01),
+])  # fmt: skip
+@pytest.mark.parametrize("share", [0.85, 1.15])
+def test_a_flux_that_the_drive_believes_wrong_is_learnt(name, scheme, within, share):
+    """With light load, then with much of the rated one, in both directions: flux and torque."""
+    psi_f_Wb = setups.load(name)["machine.psi_f_Wb"]
+    drive, design = begun(
+        name, scheme, controller__psi_f_Wb=share * psi_f_Wb, controller__adapt_psi_f_s=0.5
+    )
+    at(drive, design, 0.6, 0.2, 2.0)
+    for speed_pu, load_pu in ((0.9, 0.8), (-0.6, 0.8)):
+        rec = at(drive, design, speed_pu, load_pu, 1.0)
+        assert drive.state == "run", drive.trip
+        assert rec["psi_f_Wb"].mean() == pytest.approx(psi_f_Wb, rel=within)
+        off = rec["torque_Nm"].mean() - rec["plant.torque_Nm"].mean()
+        assert abs(off) < within * design.rated_Nm
+
+
 @pytest.mark.parametrize("name, scheme", DRIVES)
 def test_operating_points(name, scheme):
     """3, 30 and 100 % of rated speed with rated torque of both signs: the estimated torque is

@@ -371,3 +371,41 @@ def test_a_profile_above_the_ceiling_is_refused_in_a_line():
         drive.run_profile(Profile(0.1, ((0.0, 5500.0),)))
     assert "allowed range is -4797.7 .. 4797.7 r/min" in str(error.value)
     assert "above it the magnets would rectify without gates, unless trip_state" in str(error.value)
+
+
+@pytest.mark.parametrize("name, share", [("magnet-interior", 0.1), ("magnet-surface", 0.1),
+                                         ("magnet-24v", 0.25)])  # fmt: skip
+def test_the_step_of_the_first_spin(name, share):
+    """At a small part of the dc link the ceiling is that part, too, and R_s damps: the current
+    stays below psi_f/L_d. 24 V give a quarter: a tenth would be the devices' drops."""
+    base = setups.load(name)
+    vdc_V = share * base["inverter.vdc_V"]
+    drive = drive_of(
+        name, inverter__vdc_V=vdc_V, controller__vdc_min_V=vdc_V / 2,
+        controller__vdc_max_V=base.parameter("vdc_max_V"),
+        controller__f_isr_Hz=base.parameter("f_isr_Hz"),
+        controller__torque_limit_Nm=0.1 * base.parameter("torque_limit_Nm"),
+        controller__speed_trip_rpm=1.2 * base["rated.speed_rpm"],
+    )  # fmt: skip
+    drive.start()
+    while drive.time_s < 8 and drive.state in (CALIBRATE, BUILD):
+        drive.run(0.1, record=False)
+    ceiling_rpm = drive.machine.ceiling_rpm(vdc_V)
+    drive.set("speed_ref_rpm", 1.1 * ceiling_rpm)
+    most_s = drive.time_s + 6
+    while drive.time_s < most_s and drive.speed_rpm < 1.06 * ceiling_rpm:
+        drive.run(0.1, record=False)
+    assert drive.state == RUN and drive.speed_rpm > 1.06 * ceiling_rpm
+    drive.stop()
+    drive.run(4 * drive.period_s, record=False)
+    assert shorted(drive) and all(leg == LOW for leg in drive.inverter.leg)
+    drive.discard()
+    drive.run(0.05)
+    rec = drive.take()
+    largest_A = np.hypot(rec["plant.i_alpha_A"], rec["plant.i_beta_A"]).max()
+    assert largest_A < drive.machine.psi_f_Wb / drive.machine.ld_H
+    most_s = drive.time_s + 6
+    while drive.time_s < most_s and shorted(drive):
+        drive.run(0.05, record=False)
+    assert not shorted(drive) and all(leg == OFF for leg in drive.inverter.leg)
+    assert abs(drive.speed_rpm) < 0.9 * ceiling_rpm

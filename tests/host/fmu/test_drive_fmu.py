@@ -5,6 +5,7 @@ import zipfile
 
 import numpy as np
 import pytest
+import shorted_machine
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
@@ -25,6 +26,7 @@ SETUPS = {
     "open leg": ("paper-b", BEARS | ARC),
     "fan": ("paper-a", {"load.kind": "fan", "timing.device": "f28335"}),
     "magnets": ("magnet-interior", {"inverter.v_diode_V": 1.0, "inverter.v_switch_V": 1.2}),
+    "shorted": (shorted_machine.NAME, shorted_machine.CHANGES),
 }
 TRUE = [f"plant.{name}" for name, _ in PLANT_CHANNELS]
 
@@ -71,7 +73,7 @@ def command(sim, given):
         sim.stop()
 
 
-@pytest.mark.parametrize("what", SETUPS)
+@pytest.mark.parametrize("what", [what for what in SETUPS if what != "shorted"])
 def test_it_computes_the_bits_of_the_simulation(made, what):
     """A recording's true values are those at a period's beginning, an FMU's those at its end."""
     setup, _, folder = made(what)
@@ -97,6 +99,40 @@ def test_it_computes_the_bits_of_the_simulation(made, what):
     reached = {"idle", "calibrate", "build"} | ({"run"} if what != "magnets" else set())
     assert reached <= states and not fmu.said
     assert not np.isnan(before).any()
+
+
+def test_a_trip_above_the_ceiling_of_magnets_short_circuits_the_machine(made):
+    """The current of the shorted machine is the simulation's, and so is its end."""
+    setup, _, folder = made("shorted")
+    sim, fmu = SimulatedDrive(setup, 1), Fmu(folder).begin()
+    channels = [f"channel.{name}" for name, _ in firmware.channels()]
+    name, value = shorted_machine.TRIPS
+    course = {
+        20: {"run": True},
+        1200: {"speed_ref_rpm": shorted_machine.ABOVE_RPM},
+        3000: {f"parameter__{name}": value},
+    }
+    seen, largest_A = [], 0.0
+    for k in range(12_000):
+        given = course.get(k, {})
+        command(sim, given)
+        if k == 3000:
+            sim.set(name, value)
+        _, rows = sim.rows(1)
+        fmu.set(**given)
+        fmu.step()
+        assert same(fmu.get(*channels), [float(x) for x in rows[0]]), k
+        (bits,) = fmu.get("warnings")
+        on = shorted_machine.WARNING in firmware.warnings(int(bits))
+        if on:
+            largest_A = max(largest_A, *map(abs, fmu.get(*(f"plant.i_{leg}_A" for leg in LEGS))))
+        if k >= 3000 and seen[-1:] != [on]:
+            seen.append(on)
+        if seen[-2:] == [True, False]:
+            break
+    assert seen == [False, True, False]
+    settled_A = sim.machine.psi_f_Wb / sim.machine.ld_H
+    assert settled_A < largest_A < 2.5 * settled_A
 
 
 def test_a_reset_a_kept_state_and_a_second_instance_give_the_same_bits(made):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shorted_machine
 
 from hexatorque import firmware, setups
 from hexatorque.fmu import controller
@@ -288,6 +289,41 @@ def test_a_trip_takes_the_gates_off_and_a_clear_is_refused_while_it_lasts(in_run
     fmu.set(parameter__restart_count=1, run=True)
     fmu.step()
     assert fmu.said[1:] == [("warning", f"run: {waiting(60)}")]
+
+
+def test_a_trip_above_the_ceiling_of_magnets_short_circuits_the_legs(made):
+    """Up to the short circuit the registers are the simulation's. Then the gates are enabled and
+    low: a plant that follows the outputs shorts its machine as the trip zone does. After it the
+    gates are off."""
+    setup, _, folder = made(shorted_machine.NAME, shorted_machine.CHANGES)
+    plant, fmu = Plant(setup), Fmu(folder).begin()
+    channels = [n for n in fmu.variables if n.startswith("channel.")]
+    low = [(False, 1.0, 1.0, True)] * 6
+    name, value = shorted_machine.TRIPS
+    run_at, speed_at, trip_at, seen = 20, 1200, 3000, []
+    for k in range(12_000):
+        if k == run_at:
+            plant.sim.start()
+            fmu.set(run=True)
+        if k == speed_at:
+            plant.sim.set("speed_ref_rpm", shorted_machine.ABOVE_RPM)
+            fmu.set(speed_ref_rpm=shorted_machine.ABOVE_RPM)
+        if k == trip_at:
+            assert plant.sim.state == "run"
+            assert plant.sim.speed_rpm > shorted_machine.ABOVE_RPM / 1.1
+            plant.sim.set(name, value)
+            fmu.set(**{f"parameter__{name}": value})
+        plant.step()
+        fmu.set(**plant.inputs)
+        fmu.step()
+        assert same(fmu.get(*channels), plant.channels), k
+        on = bool(plant.sim.controller.drive.short_circuit.on)
+        assert registers_of(fmu) == (low if on else plant.registers), k
+        if k >= trip_at and seen[-1:] != [on]:
+            seen.append(on)
+        if seen[-2:] == [True, False]:
+            break
+    assert seen == [False, True, False] and [row[3] for row in registers_of(fmu)] == [False] * 6
 
 
 def test_a_description_of_another_set_up_is_refused(made):

@@ -529,6 +529,42 @@ def test_the_page_shows_a_fault(page, monitor):
     page.until(f"{STATE} === 'idle'")
 
 
+def test_limits_that_act_are_shown_while_they_do(page, monitor):
+    acting = "document.querySelector('#acting')"
+    before = monitor.get("/values")[1]
+    start(page)
+    assert page.js(f"{acting}.hidden")
+    monitor.post("/write", {"values": {"torque_limit_Nm": 0.2, "speed_ref_rpm": 700}})
+    page.until(f"!{acting}.hidden")
+    assert page.js(f"{acting}.textContent").startswith("Torque is limited: torque for ")
+    told = {name: before[name] for name in ("torque_limit_Nm", "speed_ref_rpm")}
+    monitor.post("/write", {"values": told})
+    page.until(f"{acting}.hidden")
+    page.key("Escape", "Escape")
+    page.until(f"{STATE} === 'idle'")
+
+
+def test_the_log_of_the_board_is_read_when_it_is_opened(page, monitor):
+    """The trip's row is the first, and the counters have it."""
+    over = "dc-link voltage too high"
+    start(page)
+    monitor.post("/write", {"values": {"vdc_max_V": 200}})
+    page.until(f"{STATE} === 'fault'")
+    tab(page, "fault")
+    assert page.js("document.querySelectorAll('#log tr').length") == 0
+    page.click("#log summary")
+    page.until("document.querySelectorAll('#log tr').length > 1")
+    row = page.js("[...document.querySelector('#log tr').children].map((c) => c.textContent)")
+    assert row[1:] == ["trip", over], row
+    kept = monitor.get("/log")[1]
+    said = page.js("document.querySelector('#log p').textContent")
+    assert f"{kept['starts']} starts" in said and f"{over} {kept['trips'][over]}" in said
+    assert kept["events"][0]["causes"] == [over]
+    monitor.post("/write", {"values": {"vdc_max_V": 400}})
+    page.click("#clear")
+    page.until(f"{STATE} === 'idle'")
+
+
 def test_a_closed_tab_stops_the_drive(browser, page, monitor, board):
     start(page)
     page.close()

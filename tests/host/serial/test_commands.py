@@ -292,6 +292,39 @@ def test_a_start_that_is_refused_says_what_to_do(call, board, tmp_path):
     assert call("clear")[0] == 0
 
 
+def test_a_capture_of_a_drive_that_trips_before_its_trigger_ends(call, board, tmp_path):
+    """It has no --timeout. A trip that is the trigger is captured, with what comes after it."""
+    file = tmp_path / "never.csv"
+    with BoardDrive.open(board) as drive:
+        trip_A = drive.get("i_trip_A")
+    words = ("capture", "i_u1_A", "--samples", "2000", "-o", str(file), "--start")
+    for trigger in ("rising:speed_rpm:5000", "fault"):
+        code, _, err = call(*words, "--trigger", trigger, "--set", "i_trip_A=0.1")
+        assert code == 1 and err.count("\n") == 1
+        if trigger == "fault":
+            assert "the drive tripped: over-current" in err
+            assert len(Recording.load(file)) == 2000
+        else:
+            assert err == (
+                "hexatorque: capture: the drive tripped (over-current) before the trigger\n"
+            )
+            assert not file.exists()
+        assert json.loads(call("status", "--json")[1])["capture"] in ("none", "complete")
+        assert call("clear")[0] == 0
+    assert call("set", f"i_trip_A={trip_A}")[0] == 0
+
+
+def test_a_capture_of_a_drive_that_another_client_stops_ends(call, board, tmp_path):
+    file = str(tmp_path / "never.csv")
+    words = ("capture", "i_u1_A", "--trigger", "fault", "-o", file, "--start")
+    waiting = background(*words, "--device", board)
+    until(lambda: json.loads(call("status", "--json")[1])["state"] == "run")
+    assert call("stop")[0] == 0
+    _, said = waiting.communicate(timeout=30)
+    assert waiting.returncode == 1
+    assert said == "hexatorque: capture: the drive stopped (state idle) before the trigger\n"
+
+
 @pytest.mark.parametrize(
     "words",
     [

@@ -161,6 +161,14 @@ def test_a_new_set_up_is_one_that_the_firmware_takes(make, text):
     firmware.Controller(setup["timing.device"], setups.parameters(setup))
 
 
+@pytest.mark.parametrize(("vdc_V", "drop_V"), ((100, 1.0), (99, 0.0)))
+def test_a_new_set_up_knows_the_threshold_of_igbts_and_that_mosfets_have_none(vdc_V, drop_V):
+    text = CIRCUIT.replace("vdc_V=300", f"vdc_V={vdc_V}")
+    setup = setups.parse(new.from_circuit(text, "mine"), "mine")
+    assert setups.parameters(setup)["drop_V"] == drop_V
+    assert setup["inverter.v_switch_V"] == setup["inverter.v_diode_V"] == drop_V
+
+
 def test_every_rule_is_of_a_parameter_and_is_shown():
     assert set(derived.ALWAYS).isdisjoint(derived.OPEN)
     assert {*derived.ALWAYS, *derived.OPEN} <= set(firmware.parameters())

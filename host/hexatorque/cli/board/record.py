@@ -179,7 +179,7 @@ def _write(
     "--timeout",
     metavar="S",
     type=options.seconds,
-    help="give up after this time; default: until Ctrl-C",
+    help="give up after this time; default: until Ctrl-C, with --start until the drive ends",
 )
 @started
 @options.board
@@ -210,7 +210,7 @@ def capture(
         drive.arm(channels, samples, pre, trigger, prescaler)
         try:
             with running(drive, values, start):
-                recording = drive.captured(timeout, trigger == "manual")
+                recording = drive.captured(timeout, trigger == "manual", started=start)
         except BaseException:
             drive.cancel()
             raise

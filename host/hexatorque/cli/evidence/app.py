@@ -3,7 +3,7 @@
 import click
 
 from ..group import Group, examples
-from .measured import papers, speed, studies
+from .measured import limit, papers, speed, studies
 from .processors import budget, pil
 
 
@@ -19,5 +19,5 @@ def evidence() -> None:
     """
 
 
-for command in (papers, studies, pil, budget, speed):
+for command in (papers, studies, limit, pil, budget, speed):
     evidence.add_command(command)

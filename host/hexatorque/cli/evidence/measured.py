@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import json
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,9 +13,12 @@ from ...evidence.papers import ENTRIES
 from ...evidence.studies import KEEPING, RUNS, STUDIES
 from .. import completion, options
 from ..group import examples
-from ..options import Mistake
+from ..options import Mistake, settings_given
 from ..output import console_of, print_failure, print_json
 from ..working import compile_now, working
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 @click.command(
@@ -98,17 +103,11 @@ def studies(names, quick, output, as_json) -> int:
     """
     from importlib import import_module
 
-    from ...evidence.studies.grids import for_terminal
-    from ...recording.formats import RecordingError
-
     for name in names:
         if name not in ("all", *STUDIES):
             raise Mistake(f"no study {name!r}: choose from all, {', '.join(STUDIES)}")
     names = list(STUDIES) if "all" in names else list(dict.fromkeys(names))
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise Mistake(f"{output}: {error.strerror}") from None
+    _make(output)
     console = console_of(as_json)
     compile_now()
     results = {}
@@ -117,25 +116,87 @@ def studies(names, quick, output, as_json) -> int:
         module = import_module(f"hexatorque.evidence.studies.{STUDIES[name]}")
         keeping = {"folder": output / RUNS} if name in KEEPING else {}
         with working(console, name) as work:
-            result = module.study(quick, work.advance, **keeping)
+            results[name] = module.study(quick, work.advance, **keeping)
             work.begin(f"{name}: drawing")
-            try:
-                (output / f"{name}.json").write_text(
-                    json.dumps(result, indent=1) + "\n", encoding="utf-8"
-                )
-                picture = module.plot(result, output / f"{name}.png")
-            except OSError as error:
-                raise RecordingError(f"{error.filename}: {error.strerror}") from None
-        console.print("\n".join([module.TITLE, *filter(None, [getattr(module, "NOTE", "")])]))
-        for table in for_terminal(module.grid(result)):
-            console.print(table)
-        console.print(f"picture: {picture}", highlight=False)
-        for line in module.failures(result):
-            failures.append(line)
-            print_failure(console, line)
-        results[name] = result
+            picture = _written(module, name, results[name], output)
+        failures += _told(module, results[name], picture, console)
     if as_json:
         print_json(results)
+    return 1 if failures else 0
+
+
+def _make(output: Path) -> None:
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Mistake(f"{output}: {error.strerror}") from None
+
+
+def _written(module, name: str, result: dict, output: Path) -> Path:
+    """The numbers and the picture of a study, in the folder. Returns the picture."""
+    from ...recording.formats import RecordingError
+
+    try:
+        (output / f"{name}.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        return module.plot(result, output / f"{name}.png")
+    except OSError as error:
+        raise RecordingError(f"{error.filename}: {error.strerror}") from None
+
+
+def _told(module, result: dict, picture: Path, console: Console) -> list[str]:
+    """Prints a study's tables, and what failed. Returns the latter."""
+    from ...evidence.studies.grids import for_terminal
+
+    console.print("\n".join([module.TITLE, *filter(None, [getattr(module, "NOTE", "")])]))
+    for table in for_terminal(module.grid(result)):
+        console.print(table)
+    console.print(f"picture: {picture}", highlight=False)
+    failures = module.failures(result)
+    for line in failures:
+        print_failure(console, line)
+    return failures
+
+
+@click.command(
+    epilog=examples("evidence limit", "evidence limit --setup paper-b --speed 2500 --load 2")
+)
+@options.at_point("the points at which all methods are compared")
+@options.value(
+    "--f-sw",
+    metavar="HZ",
+    type=options.number,
+    default=4000.0,
+    show_default=True,
+    help="mean switching frequency of a switch",
+)
+@options.quick
+@options.folder("out/limit")
+@options.as_json
+def limit(setup, speed, load, settings, f_sw, quick, output, as_json) -> int:
+    """The least ripple that any pulse pattern can have.
+
+    Computes least torque ripple and least distortion at a switching frequency, and what lies
+    between them, beside carrier modulation; numbers and a picture in the folder. Nothing is
+    simulated.
+    """
+    from ... import setups
+    from ...evidence.studies import limit as study
+    from ...experiments import steady
+
+    points = study.of_the_comparison()
+    if setup is not None:
+        loaded = setups.load(setup).changed(settings_given(settings))
+        points = [study.at_point(steady.at_point(loaded, speed, load))]
+    elif speed is not None or load is not None or settings:
+        raise Mistake("--speed, --load, --set: --setup is needed too")
+    _make(output)
+    console = console_of(as_json)
+    with working(console, "the limit", study.pieces(points, quick), "searches") as work:
+        result = study.study(points, f_sw, quick, work.advance)
+        picture = _written(study, "limit", result, output)
+    failures = _told(study, result, picture, console)
+    if as_json:
+        print_json(result)
     return 1 if failures else 0
 
 

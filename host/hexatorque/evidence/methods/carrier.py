@@ -9,12 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...plant.vsd import INVERSE, TRANSFORM
+from ...errors import InputError
+from ...plant.vsd import INVERSE, transform
 from ...setups import Setup
+from ...setups.design import Design
 from .places import Place
 
 #: Angles of the voltage over which the mean is taken.
 ANGLES = 720
+#: Largest amplitude of linear modulation, in units of V_dc.
+MOST_PU = 1 / math.sqrt(3)
 SET2 = np.array([False, True] * 3)
 
 
@@ -30,42 +34,63 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class SteadyState:
     """psi_Wb: stator flux, real; rotor_Wb: the rotor flux that the stator sees; v_V: stator
-    voltage; i_A: stator current; all in alpha-beta. omega_rad_s: of the flux."""
+    voltage; i_A: stator current; all in alpha-beta. omega_rad_s: of the flux. A ripple d of the
+    flux makes the current per_H d + salient_per_H conj(d)."""
 
     omega_rad_s: float
     psi_Wb: complex
     rotor_Wb: complex
     v_V: complex
     i_A: complex
-
-
-def sigma_ls_H(setup: Setup) -> float:
-    m = setup.machine_values()
-    return float(m["lls_H"] + m["lm_H"] * m["llr_H"] / (m["lm_H"] + m["llr_H"]))
+    per_H: float
+    salient_per_H: complex = 0j
 
 
 def steady_state(setup: Setup, place: Place, flux_Wb: float) -> SteadyState:
-    """From the equivalent circuit of a symmetrical linear machine, in the frame of its rotor flux:
-    T = 3 p |r| i_q, |psi|^2 = (L_s i_d)^2 + (sigma L_s i_q)^2, |r| = (1 - sigma) L_s i_d."""
-    m = setup.machine_values()
-    pairs, small_H = m["pole_pairs"], sigma_ls_H(setup)
-    ls_H, lr_H = m["lls_H"] + m["lm_H"], m["llr_H"] + m["lm_H"]
+    """From the equivalent circuit of a symmetrical machine, in the frame of its rotor flux. The
+    flux of a machine with magnets is that of the least current, whatever flux_Wb is."""
+    of = Design(setup, setup.parameter)
     direction = math.copysign(1.0, place.speed_rpm)
-    k = direction * place.torque_Nm / (3 * pairs * (ls_H - small_H))  # i_d i_q
-    # (L_s i_d)^2 solves x^2 - psi^2 x + (sigma L_s L_s k)^2 = 0; the larger root has little slip.
-    rest = flux_Wb**4 - 4 * (small_H * ls_H * k) ** 2
-    if rest < 0:
-        raise ValueError(f"{flux_Wb:g} Wb cannot give {place.torque_Nm:g} N m")
-    i_d = math.sqrt((flux_Wb**2 + math.sqrt(rest)) / 2) / ls_H
-    i_q = k / i_d
-    slip_rad_s = m["rr_ohm"] / lr_H * i_q / i_d
-    omega_rad_s = pairs * place.speed_rpm * math.pi / 30 + slip_rad_s
-    psi_Wb = complex(ls_H * i_d, small_H * i_q)
-    i_A = complex(i_d, i_q)
-    v_V = m["rs_ohm"] * i_A + 1j * omega_rad_s * psi_Wb
+    torque_Nm = direction * place.torque_Nm
+    omega_rad_s = setup["machine.pole_pairs"] * place.speed_rpm * math.pi / 30
+    salient_per_H = 0.0
+    if of.magnets:
+        m = of.unsaturated
+        i_A = complex(*m.least_current(torque_Nm))
+        psi_Wb = complex(m.psi_f_Wb + m.ld_H * i_A.real, m.lq_H * i_A.imag)
+        rotor_Wb = psi_Wb - m.lq_H * i_A
+        per_H, salient_per_H = (1 / m.ld_H + 1 / m.lq_H) / 2, (1 / m.ld_H - 1 / m.lq_H) / 2
+    else:
+        # T = 3 p |r| i_q, |psi|^2 = (L_s i_d)^2 + (sigma L_s i_q)^2, |r| = (1 - sigma) L_s i_d
+        m = of.unsaturated.linear_at(flux_Wb)
+        k = torque_Nm / (3 * m.pole_pairs * (m.ls_H - m.sigma_ls_H))  # i_d i_q
+        # (L_s i_d)^2 solves x^2 - psi^2 x + (sigma L_s L_s k)^2 = 0; the larger root has little
+        # slip.
+        rest = flux_Wb**4 - 4 * (m.sigma_ls_H * m.ls_H * k) ** 2
+        if rest < 0:
+            raise InputError(f"{flux_Wb:g} Wb cannot give {place.torque_Nm:g} N m")
+        i_d = math.sqrt((flux_Wb**2 + math.sqrt(rest)) / 2) / m.ls_H
+        i_A = complex(i_d, k / i_d)
+        omega_rad_s += m.rr_ohm / m.lr_H * i_A.imag / i_d
+        psi_Wb = complex(m.ls_H * i_d, m.sigma_ls_H * i_A.imag)
+        rotor_Wb = (m.ls_H - m.sigma_ls_H) * i_d
+        per_H = 1 / m.sigma_ls_H
+    v_V = m.rs_ohm * i_A + 1j * omega_rad_s * psi_Wb
     turn = abs(psi_Wb) / psi_Wb
-    rotor_Wb = (ls_H - small_H) * i_d * turn
-    return SteadyState(omega_rad_s, psi_Wb * turn, rotor_Wb, v_V * turn, i_A * turn)
+    at = (psi_Wb * turn, rotor_Wb * turn, v_V * turn, i_A * turn)
+    return SteadyState(omega_rad_s, *at, per_H, salient_per_H * turn**2)
+
+
+def ripple_rows(setup: Setup, at: SteadyState, turn: np.ndarray) -> np.ndarray:
+    """(n, 5, 6): the currents in alpha, beta, x, y and the torque that a volt-second of a leg
+    makes, with the steady state turned by `turn` (n,), complex of length 1."""
+    alpha, beta, x, y = transform(float(setup["machine.displacement_deg"]))
+    leg = (alpha + 1j * beta) + 0 * turn[:, None]
+    i_A = at.per_H * leg + at.salient_per_H * (turn**2)[:, None] * leg.conj()
+    i, psi = (value * turn[:, None] for value in (at.i_A, at.psi_Wb))
+    torque = 3 * setup["machine.pole_pairs"] * (leg.conj() * i + psi.conj() * i_A).imag
+    xy = [one / setup["machine.lxy_H"] + 0 * torque for one in (x, y)]
+    return np.stack([i_A.real, i_A.imag, *xy, torque], axis=1)
 
 
 def duty_ratios(v_pu: np.ndarray, clamped: float = 0.0, alternating: bool = False) -> np.ndarray:
@@ -88,6 +113,15 @@ def duty_ratios(v_pu: np.ndarray, clamped: float = 0.0, alternating: bool = Fals
     return duty
 
 
+def within_reach(m_pu: float) -> None:
+    """InputError if a voltage of this amplitude, in units of V_dc, is beyond linear modulation."""
+    if m_pu > MOST_PU:
+        raise InputError(
+            f"|v| = {m_pu:.3f} V_dc is beyond linear modulation: allowed range is 0 .. "
+            f"{MOST_PU:.3f} V_dc; take a lower speed, load or controller.flux_ref_Wb"
+        )
+
+
 @dataclass(frozen=True)
 class Ripple:
     """m_pu: the voltage's amplitude in units of V_dc."""
@@ -96,6 +130,14 @@ class Ripple:
     td_Nm: float
     thd_inf_pct: float
     ixy_rms_A: float
+
+    @classmethod
+    def of(cls, at: SteadyState, m_pu: float, squares: np.ndarray) -> Ripple:
+        """From the mean squares of what `ripple_rows` has; rounding may leave some below 0."""
+        squares = np.maximum(squares, 0.0)
+        i_ab, i_xy = squares[:2].sum(), squares[2:4].sum()
+        thd = 100 * math.sqrt(i_ab + i_xy) / abs(at.i_A)
+        return cls(m_pu, math.sqrt(squares[4]), thd, math.sqrt(i_xy))
 
 
 def ripple(
@@ -116,8 +158,7 @@ def ripple(
     turn = np.exp(1j * np.pi * (np.arange(ANGLES) + 0.5) / ANGLES)
     v_pu = at.v_V * turn / vdc_V
     duty = duty_ratios(v_pu, clamped, alternating)
-    if duty.min() < -1e-9 or duty.max() > 1 + 1e-9:
-        raise ValueError(f"|v| = {abs(at.v_V) / vdc_V:.3f} V_dc: beyond linear modulation")
+    within_reach(abs(at.v_V) / vdc_V)
     opposite = turned & (np.floor(np.angle(v_pu) / (np.pi / 6)) % 2 == 0)
     means = np.empty((6, 6, ANGLES))
     for a in range(6):
@@ -128,22 +169,7 @@ def ripple(
                 means[a, b] = np.where(opposite, other, means[a, b])
     # A leg that stays on a rail does not switch: the period is shorter at the same f_sw.
     moving = np.mean((duty > 1e-9) & (duty < 1 - 1e-9))
-    size_Vs = vdc_V * moving / f_sw_Hz
-
-    def mean_square(rows: np.ndarray) -> float:
-        return float(np.mean(np.einsum("kan,kbn,abn->n", rows, rows, means)))
-
-    ab, xy = (
-        np.repeat(TRANSFORM[rows, :, None], ANGLES, axis=2) for rows in (slice(2), slice(2, 4))
-    )
-    i_ab_A = size_Vs / sigma_ls_H(setup) * math.sqrt(mean_square(ab))
-    i_xy_A = size_Vs / setup["machine.lxy_H"] * math.sqrt(mean_square(xy))
-    rotor = at.rotor_Wb * turn
-    across = (rotor.real * ab[1] - rotor.imag * ab[0])[None]  # r x (a leg's volt-seconds)
-    per_Wb = 3 * setup["machine.pole_pairs"] / sigma_ls_H(setup)
-    return Ripple(
-        m_pu=abs(at.v_V) / vdc_V,
-        td_Nm=per_Wb * size_Vs * math.sqrt(mean_square(across)),
-        thd_inf_pct=100 * math.hypot(i_ab_A, i_xy_A) / abs(at.i_A),
-        ixy_rms_A=i_xy_A,
+    rows = ripple_rows(setup, at, turn) * (vdc_V * moving / f_sw_Hz)
+    return Ripple.of(
+        at, abs(at.v_V) / vdc_V, np.einsum("nka,nkb,abn->k", rows, rows, means) / ANGLES
     )

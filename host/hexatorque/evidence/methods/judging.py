@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,11 +32,13 @@ LOW_PU = 0.3
 @dataclass(frozen=True)
 class At:
     """One point. rows: method -> its settings with which the drive holds the point; flux_of: the
-    method under which the drive has the flux of the analytic line, by default any of them."""
+    method under which the drive has the flux of the analytic line, by default any of them;
+    least_at_1kHz: figure -> the least of any pulse pattern at that switching frequency."""
 
     place: Place
     rows: Mapping[str, list[dict]]
     flux_of: str = ""
+    least_at_1kHz: Mapping[str, float] = field(default_factory=dict)
 
     def within(
         self, name: str, figure: str, limit_Hz: float = LIMIT_HZ, sampled_Hz: float = ANY_HZ

@@ -138,12 +138,28 @@ _ZERO = (
     Axis("kappa_from_pu", 0.0, 0.6, log=False),
     Axis("clamp", choices=("largest", "alternating")),
 )
+#: Zero sequences of our law, each a method of its own: a search that must choose between them has
+#: less of its budget left for what is a value. Name, what is fixed, what else is free.
+_CLAMPED = (("kappa", 1.0), ("kappa_from_pu", 0.0))
+_VARIANTS: tuple[tuple[str, tuple[tuple[str, float | str], ...], tuple[Axis, ...]], ...] = (
+    (f"{OURS} κ=0", (("kappa", 0.0),), ()),
+    (f"{OURS} κ=1", _CLAMPED, ()),
+    (f"{OURS} alternating", (*_CLAMPED, ("clamp", "alternating")), ()),
+    (f"{OURS} free", (), _ZERO),
+)
 
 
 def _tables(extent: Extent, quick: Extent) -> list[Method]:
     return [
         Method(name, name, (*_BANDS, _INNER) if name == "dtc3" else _BANDS, extent, quick, TABLE)
         for name in firmware.table_schemes()
+    ]
+
+
+def _ours(period: Axis, extent: Extent, quick: Extent) -> list[Method]:
+    return [
+        Method(name, OURS, (period, _TURN, *zero), extent, quick, MODULATED, fixed)
+        for name, fixed, zero in _VARIANTS
     ]
 
 
@@ -154,18 +170,9 @@ def variants() -> tuple[Method, ...]:
     # One toggle per leg and period: f_sw is at most half of f_isr, and at 2.5 kHz paper B's machine
     # still has five samples in its shortest time constant.
     period = Axis("f_isr_Hz", 2.5e3, 12e3)
-    clamped = (("kappa", 1.0), ("kappa_from_pu", 0.0))
-
-    def ours(kind: str, *zero: Axis, fixed: tuple[tuple[str, float | str], ...] = ()) -> Method:
-        own, quick = Extent(10, (4, 4)), Extent(2, (1,))
-        return Method(f"{OURS} {kind}", OURS, (period, _TURN, *zero), own, quick, MODULATED, fixed)
-
     return (
         *_tables(Extent(30, (16, 16)), Extent(3, (2,))),
-        ours("κ=0", fixed=(("kappa", 0.0),)),
-        ours("κ=1", fixed=clamped),
-        ours("alternating", fixed=(*clamped, ("clamp", "alternating"))),
-        ours("free", *_ZERO),
+        *_ours(period, Extent(10, (4, 4)), Extent(2, (1,))),
     )
 
 
@@ -176,6 +183,8 @@ def methods() -> tuple[Method, ...]:
     extent, quick = Extent(24, (21, 21)), Extent(3, (2,))
     # A modulator's legs toggle once a period: f_sw is half of this.
     period = Axis("f_isr_Hz", 2e3, 18e3)
+    # And once in two where carriers are interleaved.
+    quarter = Axis("f_isr_Hz", 4e3, 36e3)
     # The weight of a leg that switches is relative to the square of the sensors' range.
     weights = (
         Axis("weight_xy", 0.01, 3.0, law=True),
@@ -190,9 +199,10 @@ def methods() -> tuple[Method, ...]:
 
     return (
         *_tables(extent, quick),
-        scheme(OURS, period, _TURN, *_ZERO),
+        *_ours(period, extent, quick),
         scheme("foc", period),
         scheme("foc-24", period),
+        scheme("db-ipwm", quarter, Axis("thd_share", 0.0, 1.0, log=False)),
         law("dtc-svm", MODULATED, period),
         law("lvv-mpc", VIRTUAL, period),
         law("vv-mpc", VIRTUAL, _VECTORS),

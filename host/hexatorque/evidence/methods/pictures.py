@@ -15,6 +15,7 @@ from .judging import At
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 LABELS = {
     "td_Nm": "Td [N m]",
@@ -54,7 +55,7 @@ def envelope(f_sw_Hz: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nd
     return f[corner], v[corner]
 
 
-def _style(name: str) -> dict[str, Any]:
+def style(name: str) -> dict[str, Any]:
     if name in LAW_COLOURS:
         return {"color": LAW_COLOURS[name], "linestyle": (0, (4, 1.2)), "linewidth": 1.5}
     scheme, _, kind = name.partition(" ")
@@ -75,41 +76,60 @@ def _staircase(axis: Axes, rows: list[dict], figure: str, last_kHz: float, **sty
         axis.step(f, v, where="post", **style)
 
 
-def _carrier_line(axis: Axes, at_1kHz: float, last_kHz: float) -> None:
-    """The ripple of carrier modulation falls with the switching frequency."""
+def _computed(axis: Axes, at_1kHz: float, last_kHz: float, line: str, label: str) -> None:
+    """A ripple that falls with the switching frequency."""
     f_kHz = np.linspace(1.0, last_kHz, 29)
-    label = "carrier modulation, computed"
-    axis.plot(f_kHz, at_1kHz / f_kHz, "--", color=plots.INK, linewidth=1.1, label=label)
+    axis.plot(f_kHz, at_1kHz / f_kHz, line, color=plots.INK, linewidth=1.1, label=label)
 
 
-def _logarithmic(axis: Axes) -> None:
-    """The vertical axis, with 1, 2 and 5 of each decade named."""
+def logarithmic(axis: Axes, *of: str) -> None:
+    """The axes "x", "y" of a panel, with 1, 2 and 5 of each decade named."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    axis.set_yscale("log")
-    axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.yaxis.set_minor_locator(NullLocator())
+    axis.set(**{f"{one}scale": "log" for one in of})
+    for one in (getattr(axis, f"{one}axis") for one in of):
+        one.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        one.set_minor_locator(NullLocator())
 
 
 def _panel(axis: Axes, at: At, figure: str, look: Look) -> None:
     for name, rows in at.rows.items():
-        style = _style(name)
+        own = style(name)
         if look.dots:
             f_kHz = [row["f_sw_Hz"] / 1e3 for row in rows]
             values = [row[figure] for row in rows]
-            axis.plot(f_kHz, values, ".", color=style["color"], alpha=0.25, markersize=2.5)
-        _staircase(axis, rows, figure, look.last_kHz, label=name, **style)
+            axis.plot(f_kHz, values, ".", color=own["color"], alpha=0.25, markersize=2.5)
+        _staircase(axis, rows, figure, look.last_kHz, label=name, **own)
     axis.set_xlim(look.first_kHz, look.last_kHz)
     if figure != "loss_W":
         if line := at.line(1e3):
-            _carrier_line(axis, getattr(line, figure), look.last_kHz)
-        _logarithmic(axis)
+            value = getattr(line, figure)
+            _computed(axis, value, look.last_kHz, "--", "carrier modulation, computed")
+        if figure in at.least_at_1kHz:
+            value = at.least_at_1kHz[figure]
+            _computed(axis, value, look.last_kHz, "-", "limit of all pulse patterns")
+        logarithmic(axis, "y")
     elif look.dots:
         last_Hz = 1e3 * look.last_kHz
         shown = [r[figure] for rows in at.rows.values() for r in rows if r["f_sw_Hz"] < last_Hz]
         if shown:
             axis.set_ylim(0.98 * min(shown), min(1.02 * max(shown), 1.6 * min(shown)))
+
+
+def one_legend(drawn: Figure, axes: np.ndarray, columns: int) -> None:
+    """Of all panels, above them."""
+    labels: dict[str, Artist] = {}
+    for axis in axes.flat:
+        for handle, name in zip(*axis.get_legend_handles_labels()):
+            labels.setdefault(name, handle)
+    drawn.legend(
+        list(labels.values()),
+        list(labels),
+        loc="outside upper center",
+        ncols=columns,
+        **plots.LEGEND,
+    )
 
 
 def fronts(points: dict[str, At], look: Look, path: Path) -> Path:
@@ -123,15 +143,5 @@ def fronts(points: dict[str, At], look: Look, path: Path) -> Path:
         row[0].set_title(title, loc="left", **plots.TITLE)
     for axis in axes[-1]:
         axis.set_xlabel("switching frequency [kHz]", **plots.LABEL)
-    labels: dict[str, Artist] = {}
-    for axis in axes.flat:
-        for handle, name in zip(*axis.get_legend_handles_labels()):
-            labels.setdefault(name, handle)
-    drawn.legend(
-        list(labels.values()),
-        list(labels),
-        loc="outside upper center",
-        ncols=look.columns,
-        **plots.LEGEND,
-    )
+    one_legend(drawn, axes, look.columns)
     return plots.save(drawn, path)

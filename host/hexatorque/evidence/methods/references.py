@@ -5,13 +5,14 @@ and errors of every method, and the five sentences."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from ..kept import Kept
 from ..papers.engine.figure import Figure, Verdict, claim, not_printed
 from ..papers.engine.job import Job
-from . import errors, judging, steps
+from . import errors, judging, limit, steps
 from .judging import CASE_NAMES, LIMIT_HZ, At, Result, as_recording, balanced
 from .methods import Method, methods
 from .pictures import Look, fronts
@@ -41,7 +42,19 @@ def searched(job: Job, rivals: int) -> list[At]:
     """Every method at every point. A quick run has the last point of each machine."""
     places = [machine.place for machine in MACHINES] if job.quick else list(PLACES)
     found = each_at_each(job, SEARCH, places, methods(), rivals)
-    return [At(place, rows) for place, rows in found.items()]
+    return [with_limit(job, At(place, rows)) for place, rows in found.items()]
+
+
+def with_limit(job: Job, at: At) -> At:
+    """The point, and the least that any pulse pattern can have there."""
+
+    def least() -> dict[str, float]:
+        front = limit.front(at.place.base, at.place, 1e3, at.flux_Wb, job.quick)
+        first, last = front[0].ripple, front[-1].ripple
+        return {"thd_inf_pct": first.thd_inf_pct, "td_Nm": last.td_Nm}
+
+    key = (at.place, at.flux_Wb, job.quick)
+    return replace(at, least_at_1kHz=Kept(job.folder, "limit", *key).get(least))
 
 
 def _tests(
@@ -163,6 +176,7 @@ def _json(result: Result) -> dict:
                 "point": label(at.place),
                 "m_pu": at.m_pu,
                 "line": vars(line) if (line := at.line(LIMIT_HZ)) else None,
+                "least_at_1kHz": at.least_at_1kHz,
                 "best": at.limits(JUDGED, LIMITS_HZ),
                 "tried": {name: len(rows) for name, rows in at.rows.items()},
             }
@@ -208,6 +222,6 @@ def references(job: Job) -> Figure:
         },
         setups=[m.place.base for m in machines_of(at.place for at in first.points)],
         caption=f"Each staircase is the best of a method's {extent.settings} settings within a "
-        "switching frequency. The dashed line is carrier modulation with double zero-sequence "
-        "injection, computed.",
+        "switching frequency. Computed are carrier modulation with double zero-sequence injection "
+        "(dashed) and the least of each figure that any pulse pattern can have (thin).",
     )

@@ -73,9 +73,6 @@ LOAD_INERTIA = (0.2, 5.0)
 KNEE, EXPONENT = (1.05, 1.3), (4.0, 8.0)
 #: Stated is 2 us.
 DEAD_TIME_US = (1.5, 2.5)
-#: On a lower dc link the devices are MOSFETs, whose channels carry the current in both directions:
-#: without a threshold voltage.
-LEAST_IGBT_V = 100.0
 #: Of the dc-link sensor, either side.
 VDC_GAIN = 0.01
 #: How far a circuit that is told is off, either side.
@@ -252,7 +249,7 @@ def drive(true: Truth, believed: Setup, number: int) -> Setup:
     draw = random.Random(number)
     machine = {f"machine__{name}": value for name, value in true.machine.items()}
     setup = disturbed(believed.changed(**machine, **known), number)
-    if setup["inverter.vdc_V"] < LEAST_IGBT_V:
+    if setup["inverter.vdc_V"] < new.LEAST_IGBT_V:
         setup = setup.changed(
             inverter__v_switch_V=0.0,
             inverter__v_diode_V=0.0,

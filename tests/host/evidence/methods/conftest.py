@@ -1,8 +1,8 @@
-"""Stand-ins for the simulation, for tests of the search and of what is judged."""
+"""Stand-ins for the simulation and for the search of the limit."""
 
 import pytest
 
-from hexatorque.evidence.methods import bench
+from hexatorque.evidence.methods import bench, carrier, limit
 
 
 @pytest.fixture
@@ -19,6 +19,8 @@ def replaced(monkeypatch):
             return found
 
         monkeypatch.setattr(bench, "measure", one)
+        least = limit.Point(0.0, carrier.Ripple(0.5, 0.01, 1.0, 0.1))
+        monkeypatch.setattr(limit, "front", lambda *_: [least, least])
         return calls
 
     return replace

@@ -246,3 +246,54 @@ def test_an_erase_waits_until_no_client_is_there():
     device.tick(12000)  # the session ends
     assert store.erases == 1 and store.blocks > 0
     assert [one.event for one in events(device)] == [lib.HT_EVENT_TRIP, lib.HT_EVENT_START]
+
+
+def later(device, seconds):
+    """So much time passes between two turns of the background."""
+    device.drive.tick += round(seconds * device.controller.number("f_isr_Hz"))
+    device.tick(SETTLE)
+
+
+def test_time_is_counted_however_late_a_turn_comes_and_written_once_an_hour():
+    device = board()
+    store, blocks = device.controller.store, device.controller.store.blocks
+    later(device, 3)
+    assert counters(device).powered_s == 3
+    later(device, 3590)
+    assert store.blocks == blocks
+    later(device, 10)
+    assert store.blocks == blocks + 4  # a record
+    later(device, 10)
+    assert store.blocks == blocks + 4
+    kept = counters(again(device))
+    assert kept.powered_s == 3603 and (kept.starts, kept.gates_s) == (0, 0)
+
+
+def test_tokens_come_once_a_minute_and_after_a_power_off_none_at_once():
+    """An event takes one, and the counts of trips follow it. After the power-off an hour is behind
+    the clock. So late a turn ends the session."""
+    old = board()
+    later(old, 3700)
+    device = again(old)
+    for _ in range(80):
+        trip(device, FAULTS["over-current"])
+        clear(device)
+    assert counters(device).missed == 80 + 1 - 64  # the start took one
+    later(device, 90)
+    trip(device, FAULTS["over-current"])
+    assert counters(device).missed == 81 - 64  # there was one
+    assert lib.ht_drive_clear(device.drive) == lib.HT_OK
+    device.tick(2)
+    trip(device, FAULTS["over-current"])
+    assert counters(device).missed == 82 - 64
+
+
+def test_a_start_that_trips_before_the_background_looks_is_counted():
+    device = board()
+    assert lib.ht_drive_start(device.drive) == lib.HT_OK
+    lib.ht_virtual_period(device.drive)
+    assert device.state == "calibrate"
+    lib.ht_drive_trip(device.drive, FAULTS["over-current"])
+    device.tick(SETTLE)
+    assert counters(device).starts == 1
+    assert firmware.STATES[events(device)[0].state] == "calibrate"

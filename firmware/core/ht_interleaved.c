@@ -1,0 +1,443 @@
+#include "ht_interleaved.h"
+
+#include "ht_limited.h"
+#include "ht_toggled.h"
+#include "ht_vsd.h"
+
+#include <math.h>
+
+#define COS_30 0.866025404f
+#define TWO_THIRDS 0.666666667f
+
+/* Positions count from this voltage on, and in full from that one on, squared, units of Vdc. */
+#define FROM_PU2 0.0484f
+#define FULL_PU2 0.1225f
+/* Share of its room that a pulse may move by, on either side of the middle. */
+#define ROOM_SHARE 0.45f
+/* Of the slope, what one leg in three goes. */
+#define SLOPE 6.0f
+/* What a position moves by in a half, at most: 0.025 at a carrier of 4 kHz. */
+#define CAP_HZ 100.0f
+#define CAP_MOST 0.06f
+/* Where pulses lie at low voltage: their edges are then in the middle of a period. */
+#define EARLY 0.125f
+/* What set 2's carrier is behind set 1's. */
+#define CARRIER_2 0.25f
+
+/* From this share of the distortion on, above this voltage, squared, the sets begin together; below this
+ * share of it, squared, no longer. */
+#define TOGETHER_FROM 0.75f
+#define TOGETHER_PU2 0.09f
+#define TOGETHER_HOLD2 0.9025f
+
+/* Legs of a set. The first lies at 0 or 270 degrees, the others 120 and 240 behind. */
+static const uint16_t leg_of[2][3] = {{0u, 2u, 4u}, {5u, 1u, 3u}};
+void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
+                              float in_phase)
+{
+    float rho2 = rho * rho;
+    float cap = CAP_HZ * HT_CARRIER_PERIODS / f_isr_Hz;
+    cfg->weight = weight;
+    cfg->scale = SLOPE / (1.0f + weight);
+    cfg->alike = COS_30 * (1.0f - rho2) / (1.0f + rho2);
+    cfg->cap = (cap < CAP_MOST) ? cap : CAP_MOST;
+    cfg->together_pu2 = (in_phase < TOGETHER_FROM) ? (HT_NEVER_PU * HT_NEVER_PU) : TOGETHER_PU2;
+    cfg->early[0] = EARLY;
+    cfg->early[1] = EARLY - 2.0f * EARLY * in_phase;
+}
+
+bool ht_interleaved_check(const ht_interleaved_config *cfg)
+{
+    return (cfg->weight >= 0.0f) && (cfg->weight < 1.0e3f) && (cfg->scale > 0.0f)
+           && (cfg->scale <= SLOPE) && (fabsf(cfg->alike) <= 1.0f)
+           && (cfg->cap > 0.0f) && (cfg->cap <= CAP_MOST) && (fabsf(cfg->early[0]) <= EARLY)
+           && (fabsf(cfg->early[1]) <= EARLY) && (cfg->together_pu2 > 0.0f); /* NaN is not */
+}
+
+void ht_interleaved_reset(ht_interleaved_state *st)
+{
+    unsigned a;
+    unsigned k;
+    for (a = 0u; a < 2u; a++) {
+        for (k = 0u; k < 3u; k++) {
+            st->set[a].d[k] = 0.5f;
+            st->set[a].delta[k] = 0.0f;
+            st->set[a].next[k] = 0u;
+        }
+        st->set[a].moves = 0u;
+    }
+    st->steady_pu.alpha = 0.0f;
+    st->steady_pu.beta = 0.0f;
+    st->together = false;
+    st->opposite = false;
+    st->quarter = 0u;
+    st->turn = 0u;
+}
+
+/* `value` within `half` of `centre`, without a comparison. NaN stays. */
+static HT_INTO_CALLERS float within(float value, float centre, float half)
+{
+    float x = value - centre;
+    return centre + 0.5f * (fabsf(x + half) - fabsf(x - half));
+}
+
+/* Where the legs of a set toggle, share of the half: its commands, with the middle of largest and smallest
+ * at half. NaN: 0. */
+static HT_INTO_CALLERS void shares_of(unsigned a, float sense, ht_ab v, float share[3])
+{
+    float p = sense * ((a == 0u) ? v.alpha : -v.beta);
+    float q = (sense * COS_30) * ((a == 0u) ? v.beta : v.alpha);
+    float half = fabsf(q);
+    float first = 1.5f * p;
+    float zero = 0.5f - 0.25f * (p + (fabsf(first - half) - fabsf(first + half)));
+    float middle = zero - 0.5f * p;
+    share[0] = ht_between(zero + p, 0.0f, 1.0f);
+    share[1] = ht_between(middle + q, 0.0f, 1.0f);
+    share[2] = ht_between(middle - q, 0.0f, 1.0f);
+}
+
+/* Twice x where x is above 0, squared. */
+static HT_INTO_CALLERS float above2(float x)
+{
+    float twice = x + fabsf(x);
+    return twice * twice;
+}
+
+/* By what a pulse of the duty ratio d wants to be later than one of e, whose middle is `ahead` of its own,
+ * or behind where `ahead` is negative, at most half a carrier's period. Then this is odd. */
+static HT_INTO_CALLERS float pull(float d, float e, float ahead)
+{
+    float differ = 0.5f * fabsf(d - e);
+    float mean = 0.5f * (d + e);
+    return 0.75f * (above2(mean - ahead) - above2(differ - ahead) - above2(mean - 1.0f + ahead))
+           + (6.0f * ahead - 3.0f) * (d * e);
+}
+
+/* The same where it is not known which is ahead. */
+static HT_INTO_CALLERS float pull_either(float d, float e, float ahead)
+{
+    float p = pull(d, e, fabsf(ahead));
+    return (ahead < 0.0f) ? -p : p;
+}
+
+/* Parts of the legs of a set along a vector. */
+static HT_INTO_CALLERS void parts(unsigned a, ht_ab v, float part[3])
+{
+    float p = (a == 0u) ? v.alpha : -v.beta;
+    float q = COS_30 * ((a == 0u) ? v.beta : v.alpha);
+    part[0] = p;
+    part[1] = q - 0.5f * p;
+    part[2] = -q - 0.5f * p;
+}
+
+/* The slope of J in the position of leg k of set a, downwards. Of the other set's legs the one of the same
+ * number lies 90 degrees away, the next one of set 2 30 degrees from a leg of set 1, the third one 150. */
+static HT_INTO_CALLERS float slope(const ht_interleaved_config *cfg, const ht_interleaved_state *st,
+                                   unsigned a, unsigned k, ht_ab quad)
+{
+    static const uint16_t after[3] = {1u, 2u, 0u};
+    const ht_interleaved_set *own = &st->set[a];
+    const ht_interleaved_set *other = &st->set[1u - a];
+    float alike = (a == 0u) ? cfg->alike : -cfg->alike;
+    float ahead = (a == 0u) ? 1.0f : -1.0f; /* the other set's carrier is, or it is behind */
+    float ours[3];
+    float theirs[3];
+    float torque;
+    float d = own->d[k];
+    float delta = own->delta[k];
+    unsigned m = after[k];
+    unsigned n = after[m];
+    float sum;
+    parts(a, quad, ours);
+    parts(1u - a, quad, theirs);
+    torque = cfg->weight * ours[k];
+    sum = (torque * theirs[k])
+          * pull(d, other->d[k], CARRIER_2 + ahead * (other->delta[k] - delta));
+    sum += (alike + torque * theirs[m])
+           * pull(d, other->d[m], CARRIER_2 + ahead * (other->delta[m] - delta));
+    sum += (torque * theirs[n] - alike)
+           * pull(d, other->d[n], CARRIER_2 + ahead * (other->delta[n] - delta));
+    sum *= ahead;
+    sum += (torque * ours[m] - 0.5f) * pull_either(d, own->d[m], own->delta[m] - delta);
+    sum += (torque * ours[n] - 0.5f) * pull_either(d, own->d[n], own->delta[n] - delta);
+    return cfg->scale * sum;
+}
+
+/* Pattern that is being made. */
+typedef struct {
+    unsigned high;
+    unsigned moves;
+    unsigned rises;
+    ht_six share; /* of the period that a leg is high */
+    float per_count;
+    uint16_t end;
+} making;
+
+static HT_INTO_CALLERS void stays(making *m, unsigned leg, bool high, ht_compare *out,
+                                  ht_toggles *toggles)
+{
+    m->high |= high ? (HT_LEG_U1 >> leg) : 0u;
+    m->share.p[leg] = high ? 1.0f : 0.0f;
+    out->ca[leg] = m->end;
+    toggles->t[leg] = 1.0f;
+}
+
+static HT_INTO_CALLERS void toggles_at(making *m, unsigned leg, uint16_t count, bool rising,
+                                       ht_compare *out, ht_toggles *toggles)
+{
+    unsigned bit = HT_LEG_U1 >> leg;
+    float t = (float)count * m->per_count;
+    m->moves |= bit;
+    m->rises |= rising ? bit : 0u;
+    m->share.p[leg] = rising ? (1.0f - t) : t;
+    out->ca[leg] = count;
+    toggles->t[leg] = t;
+}
+
+/* What the legs of a set have in common in a half. */
+typedef struct {
+    const ht_interleaved_config *cfg;
+    float sense;      /* 1 falling, -1 rising */
+    float act;        /* share with which positions are optimised */
+    float centre;     /* where a pulse lies else, times the rest */
+    float full;       /* counts of a period */
+    float dead;       /* dead time in periods */
+    float dead_half2; /* a quarter of it ... */
+    float dead_per_A; /* ... and the same over the current from which it acts fully */
+    uint16_t end;
+    uint16_t shortest;
+} half_of;
+
+/* Where a pulse goes: to where it is better, within what its room and the voltage allow. */
+static HT_INTO_CALLERS float placed(const half_of *h, float share, float was, float better)
+{
+    float left = ROOM_SHARE * (0.5f - fabsf(share - 0.5f)) - 0.25f * h->dead;
+    float room = 0.5f * (left + fabsf(left));
+    float to = within(better, h->centre, h->act * room);
+    return within(within(to, was, h->cfg->cap), 0.0f, room);
+}
+
+/* Counts from the half's begin at which a leg toggles, the shortest pulse away from both periods' ends. 0:
+ * it is on its rail before that already, also for NaN; `2 end`: it stays where it starts. */
+static HT_INTO_CALLERS uint32_t edge_counts(const half_of *h, float share, float at)
+{
+    uint32_t end = h->end;
+    uint32_t shortest = h->shortest;
+    uint32_t count = (uint32_t)(ht_between(at, 0.0f, HT_HALF_PERIODS) * h->full + 0.5f);
+    if (count < end) {
+        if (count < shortest) {
+            return (2u * count < shortest) ? 0u : shortest;
+        }
+        return (count > (end - shortest)) ? (end - shortest) : count;
+    }
+    if (count > (2u * end - shortest)) {
+        return ((share >= 1.0f) || (2u * count > (4u * end - shortest))) ? (2u * end)
+                                                                         : (2u * end - shortest);
+    }
+    return (count < (end + shortest)) ? (end + shortest) : count;
+}
+
+/* A leg begins its half. Returns its part of what the flux will be off. */
+static HT_INTO_CALLERS float begin_leg(const half_of *h, ht_interleaved_set *set, unsigned k,
+                                       unsigned leg, float share, float better, float i_A,
+                                       making *m, ht_compare *out, ht_toggles *toggles)
+{
+    bool rising = h->sense < 0.0f;
+    float was = set->delta[k];
+    float delta = placed(h, share, was, better);
+    float x = h->dead_per_A * i_A;
+    float shift = fabsf(x + h->dead_half2) - fabsf(x - h->dead_half2);
+    float moved = share * (delta - was) + was;
+    float at = HT_HALF_PERIODS * share + HT_CARRIER_PERIODS * moved + h->sense * shift
+               - 0.5f * h->dead;
+    uint32_t count = edge_counts(h, share, at);
+    set->delta[k] = delta;
+    if (count == 0u) {
+        stays(m, leg, rising, out, toggles);
+    } else if (count < h->end) {
+        toggles_at(m, leg, (uint16_t)count, rising, out, toggles);
+    } else {
+        if (count < (2u * (uint32_t)h->end)) {
+            set->next[k] = (uint16_t)(count - h->end);
+            set->moves |= HT_LEG_U1 >> leg;
+        }
+        stays(m, leg, !rising, out, toggles);
+    }
+    return share * delta;
+}
+
+/* The half of set `a` begins. */
+static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                                   unsigned a, const ht_interleaved_command *command,
+                                   const ht_modulator_input *in, making *m, ht_compare *out,
+                                   ht_toggles *toggles)
+{
+    ht_interleaved_set *set = &st->set[a];
+    const float *i_A = in->i_A->p;
+    float share[3];
+    float better[3];
+    float part[3];
+    float p;
+    float q;
+    ht_ab off;
+    half_of h;
+    unsigned k;
+    float size2 = command->steady_pu.alpha * command->steady_pu.alpha
+                  + command->steady_pu.beta * command->steady_pu.beta;
+    bool turned = (a == 1u) && st->opposite;
+    h.cfg = cfg;
+    h.sense = ((st->quarter < 2u) != turned) ? -1.0f : 1.0f;
+    h.act = 0.0f;
+    h.centre = 0.0f;
+    if (!st->together) {
+        h.act = ht_between((size2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f, 1.0f);
+        h.centre = (1.0f - h.act) * cfg->early[a];
+    }
+    if (a == 0u) {
+        st->steady_pu = command->steady_pu;
+    }
+    h.end = in->period->counts;
+    h.shortest = in->period->shortest;
+    h.full = (float)h.end;
+    h.dead = in->dead->dead_pu;
+    h.dead_half2 = 0.25f * h.dead;
+    h.dead_per_A = h.dead_half2 / in->dead->i_zero_A;
+    shares_of(a, h.sense, command->v_pu, share);
+    for (k = 0u; k < 3u; k++) {
+        set->d[k] = 0.5f + h.sense * (share[k] - 0.5f);
+        better[k] = set->delta[k];
+    }
+    set->moves = 0u;
+    if (h.act > 0.0f) {
+        k = st->turn;
+        better[k] += ht_limited(slope(cfg, st, a, k, command->quad), cfg->cap);
+    }
+    for (k = 0u; k < 3u; k++) {
+        unsigned leg = leg_of[a][k];
+        part[k] = begin_leg(&h, set, k, leg, share[k], better[k], i_A[leg], m, out, toggles);
+    }
+    p = (h.sense * TWO_THIRDS * HT_CARRIER_PERIODS) * (part[0] - 0.5f * (part[1] + part[2]));
+    q = (h.sense * TWO_THIRDS * HT_CARRIER_PERIODS * COS_30) * (part[1] - part[2]);
+    off.alpha = (a == 0u) ? p : q;
+    off.beta = (a == 0u) ? q : -p;
+    return off;
+}
+
+/* Each set with constants in place of what depends on it, and once in the memory. */
+HT_APART static ht_ab begin_set1(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                                 const ht_interleaved_command *command,
+                                 const ht_modulator_input *in, making *m, ht_compare *out,
+                                 ht_toggles *toggles)
+{
+    return begin(cfg, st, 0u, command, in, m, out, toggles);
+}
+
+HT_APART static ht_ab begin_set2(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                                 const ht_interleaved_command *command,
+                                 const ht_modulator_input *in, making *m, ht_compare *out,
+                                 ht_toggles *toggles)
+{
+    return begin(cfg, st, 1u, command, in, m, out, toggles);
+}
+
+/* The half of set `b` goes on; if it is over, the legs stay. */
+static HT_INTO_CALLERS void go_on(ht_interleaved_state *st, unsigned b, unsigned before, making *m,
+                                  ht_compare *out, ht_toggles *toggles)
+{
+    ht_interleaved_set *set = &st->set[b];
+    unsigned k;
+    for (k = 0u; k < 3u; k++) {
+        unsigned leg = leg_of[b][k];
+        unsigned bit = HT_LEG_U1 >> leg;
+        if ((set->moves & bit) != 0u) {
+            toggles_at(m, leg, set->next[k], (before & bit) == 0u, out, toggles);
+        } else {
+            stays(m, leg, (before & bit) != 0u, out, toggles);
+        }
+    }
+    set->moves = 0u;
+}
+
+/* Both sets begin together: in which sense. */
+static bool runs_opposite(ht_ab v)
+{
+    float alpha2 = v.alpha * v.alpha;
+    float beta2 = v.beta * v.beta;
+    return v.alpha * (alpha2 - 3.0f * beta2) * v.beta * (3.0f * alpha2 - beta2) > 0.0f;
+}
+
+unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_state *st)
+{
+    bool was = st->together;
+    ht_ab v = st->steady_pu;
+    if ((st->quarter & 1u) != 0u) {
+        return was ? 0u : 2u;
+    }
+    st->together = (v.alpha * v.alpha + v.beta * v.beta)
+                   > (cfg->together_pu2 * (was ? TOGETHER_HOLD2 : 1.0f));
+    st->opposite = st->together && runs_opposite(v);
+    return (was && st->together) ? 3u : 1u;
+}
+
+static HT_INTO_CALLERS making nothing_yet(const ht_modulator_input *in)
+{
+    making m;
+    m.high = 0u;
+    m.moves = 0u;
+    m.rises = 0u;
+    m.end = in->period->counts;
+    m.per_count = 1.0f / (float)m.end;
+    return m;
+}
+
+static HT_INTO_CALLERS void finish(ht_interleaved_state *st, const making *m,
+                                   const ht_modulator_input *in, ht_compare *out,
+                                   ht_applied *applied)
+{
+    unsigned leg;
+    if (st->quarter == 3u) {
+        st->turn = (st->turn == 2u) ? 0u : (uint16_t)(st->turn + 1u);
+    }
+    st->quarter = (uint16_t)((st->quarter + 1u) & 3u);
+    ht_applied_toggles(applied, in->before, m->high, m->moves, m->rises);
+    applied->mean_pu = ht_vsd_from_six(&m->share);
+    out->start = applied->s[0];
+    for (leg = 0u; leg < (unsigned)HT_LEGS; leg++) {
+        out->cb[leg] = m->end;
+    }
+}
+
+ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                          const ht_interleaved_command *command, unsigned a, bool bare,
+                          const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
+                          ht_toggles *toggles)
+{
+    unsigned before = bare ? 0u : in->before;
+    making m = nothing_yet(in);
+    ht_ab off;
+    if (a == 0u) {
+        off = begin_set1(cfg, st, command, in, &m, out, toggles);
+        go_on(st, 1u, before, &m, out, toggles);
+    } else {
+        off = begin_set2(cfg, st, command, in, &m, out, toggles);
+        go_on(st, 0u, before, &m, out, toggles);
+    }
+    finish(st, &m, in, out, applied);
+    return off;
+}
+
+HT_APART void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                                  const ht_interleaved_command command[2], bool begins,
+                                  const ht_modulator_input *in, ht_ab off_pu[2], ht_compare *out,
+                                  ht_applied *applied, ht_toggles *toggles)
+{
+    making m = nothing_yet(in);
+    if (begins) {
+        off_pu[0] = begin_set1(cfg, st, &command[0], in, &m, out, toggles);
+        off_pu[1] = begin_set2(cfg, st, &command[1], in, &m, out, toggles);
+    } else {
+        go_on(st, 0u, in->before, &m, out, toggles);
+        go_on(st, 1u, in->before, &m, out, toggles);
+    }
+    finish(st, &m, in, out, applied);
+}

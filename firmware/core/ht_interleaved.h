@@ -1,0 +1,95 @@
+/** @file ht_interleaved.h
+ *  Interleaved carriers of both sets: a quarter of a carrier's period apart, and every pulse with a
+ *  position of its own.
+ *
+ *  A carrier's period is four sampling periods, a half of it two. Set 1 begins a half at every second
+ *  sample, set 2 at the samples between. In a rising half every leg of the set goes from low to high,
+ *  in a falling one from high to low, once, at any instant of the two periods. So one set is decided
+ *  in each period, and every leg has one toggle a period at most.
+ *
+ *  The pulse of leg k has the duty ratio d_k and lies `delta_k` of a carrier's period behind the
+ *  carrier's middle. What the edges of all legs leave of flux ripple in closed form (the sum of
+ *  G_ij K(t_i - t_j) over all pairs of edges, K = -B_4/24) is
+ *
+ *    J = |ripple of the current|^2 + w (ripple of the torque)^2
+ *
+ *  and each half moves one pulse of its set down the slope of J. Nothing is integrated or tabled.
+ *  For the least distortion above 0.3 Vdc both sets begin together, in phase or, in every second 30 degrees of
+ *  the voltage, opposite to each other, as ht_modulator.h has it.
+ *
+ *  Below a fifth of V_dc a position changes little, because all legs are at half; there the pulses of
+ *  a set are moved together, away from the instants at which the converter samples.
+ */
+#ifndef HT_INTERLEAVED_H
+#define HT_INTERLEAVED_H
+
+#include "ht_modulator.h"
+
+/** Sampling periods of a half of the carrier, and of the whole. */
+#define HT_HALF_PERIODS 2.0f
+#define HT_CARRIER_PERIODS 4.0f
+
+typedef struct {
+    float scale;    /**< of a slope: the step that it asks for */
+    float weight;   /**< of the torque's ripple against the current's; 0 or more */
+    float alike;    /**< weight of two legs of different sets 30 degrees apart, -1 .. 1 */
+    float cap;      /**< most that a position moves in a half, share of a carrier's period */
+    float together_pu2; /**< above this voltage, squared, both sets begin together; units of Vdc */
+    float early[2]; /**< where pulses of each set lie at low voltage, share of a carrier's period */
+} ht_interleaved_config;
+
+/** One set: legs in the order of the commands p, q - p/2, -q - p/2. */
+typedef struct {
+    float d[3];       /**< duty ratios */
+    float delta[3];   /**< positions */
+    uint16_t next[3]; /**< counts at which legs toggle in the half's second period */
+    unsigned moves;   /**< which do, as a state word */
+} ht_interleaved_set;
+
+typedef struct {
+    ht_interleaved_set set[2];
+    ht_ab steady_pu;  /**< of set 1, at its latest begin */
+    bool together;    /**< both sets begin at 0 and 2 */
+    bool opposite;    /**< then: one rises while the other falls */
+    uint16_t quarter; /**< 0..3: set 1 begins at 0 and 2, set 2 at 1 and 3 */
+    uint16_t turn;    /**< 0..2: whose position of a set is improved */
+} ht_interleaved_state;
+
+/** What a set is to do in its half. */
+typedef struct {
+    ht_ab v_pu;      /**< mean voltage of the set, units of Vdc */
+    ht_ab quad;      /**< unit vector across the rotor flux in the middle of the half */
+    ht_ab steady_pu; /**< voltage without what corrects errors, units of Vdc */
+} ht_interleaved_command;
+
+/** What a position costs: `weight` of the torque's ripple, `rho` = sigma L_s / L_xy, the sampling
+ *  frequency, and the share 0 .. 1 by which sets run in phase at low voltage. */
+void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
+                              float in_phase);
+
+/** True if every value of `cfg` is in its range. */
+bool ht_interleaved_check(const ht_interleaved_config *cfg);
+
+/** Before the first half of set 1. */
+void ht_interleaved_reset(ht_interleaved_state *st);
+
+/** Which sets begin a half in the next period: 1, 2, both (3) or none. */
+unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_state *st);
+
+/** One period's pattern: a half of set `a` begins as commanded, that of the other one goes on. `bare`: the
+ *  other set has not begun any half; its legs are low. Returns by how much the flux of the set that begins
+ *  will be off its mean at its next begin, units of Vdc and periods.
+ *
+ *  Whatever goes in, NaN included: CA and CB are as ht_modulator_step has them. */
+ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                          const ht_interleaved_command *command, unsigned a, bool bare,
+                          const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
+                          ht_toggles *toggles);
+
+/** The same where both sets begin, or none does. */
+void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleaved_state *st,
+                         const ht_interleaved_command command[2], bool begins,
+                         const ht_modulator_input *in, ht_ab off_pu[2], ht_compare *out,
+                         ht_applied *applied, ht_toggles *toggles);
+
+#endif

@@ -1,0 +1,146 @@
+"""The limit of all pulse patterns (`evidence.methods.limit`) at operating points, beside carrier
+modulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ...setups import Setup
+from ..methods import carrier, limit
+from ..methods.methods import OURS
+from ..methods.places import PLACES, Place, label
+from .grids import Grid
+
+TITLE = "The least torque ripple and distortion that any pulse pattern can have"
+#: Carrier modulation: name, and what `carrier.ripple` takes besides.
+CARRIERS: dict[str, dict] = {
+    "carrier, centred": {},
+    "carrier, turned": {"turned": True},
+    "carrier, clamped": {"turned": True, "clamped": 1.0},
+    "carrier, alternating": {"turned": True, "clamped": 1.0, "alternating": True},
+}
+#: How far a pattern of a known kind may be below the least one that was found: the mean over the
+#: angles of the voltage has fewer of them here.
+CLOSE = 0.005
+#: Name, how it is called.
+FIGURES = (("td_Nm", "Td [N m]"), ("thd_inf_pct", "THD∞ [%]"), ("ixy_rms_A", "x–y rms [A]"))
+
+#: Title, set-up, point.
+Where = tuple[str, Setup, Place]
+
+
+def of_the_comparison() -> list[Where]:
+    """The points at which all methods are compared."""
+    return [(label(place), place.base, place) for place in PLACES]
+
+
+def at_point(setup: Setup) -> Where:
+    """At the point of a set-up. Its load's sign is that of the speed, unless it drives."""
+    speed_rpm, load_Nm = setup["point.speed_rpm"], setup["point.load_Nm"]
+    place = Place(setup.name, speed_rpm, math.copysign(1.0, speed_rpm) * load_Nm)
+    return f"{setup.name}, {speed_rpm:g} r/min, {load_Nm:g} N m", setup, place
+
+
+def pieces(points: Iterable[Where], quick: bool) -> int:
+    """How often `study` tells."""
+    return sum(limit.pieces(quick) for _ in points)
+
+
+def study(
+    points: Iterable[Where], f_sw_Hz: float, quick: bool = False, tell: limit.Tell = lambda: None
+) -> dict:
+    rows = []
+    for title, setup, place in points:
+        flux_Wb = setup.parameter("flux_ref_Wb")
+        found = limit.front(setup, place, f_sw_Hz, flux_Wb, quick, tell)
+        known = {}
+        if setup["machine.displacement_deg"] == "30":
+            known = {
+                name: carrier.ripple(setup, place, f_sw_Hz, flux_Wb, **more)
+                for name, more in CARRIERS.items()
+            }
+        rows.append(
+            {
+                "point": title, "setup": setup.name, "speed_rpm": place.speed_rpm,
+                "torque_Nm": place.torque_Nm, "f_sw_Hz": f_sw_Hz,
+                "limit": [{"weight": one.weight, **vars(one.ripple)} for one in found],
+                "carrier": {name: vars(ripple) for name, ripple in known.items()},
+            }
+        )  # fmt: skip
+    return {"quick": quick, "points": rows}
+
+
+def failures(result: dict) -> list[str]:
+    """Carrier modulation with less distortion than the least, or with less of both than a point of
+    the limit."""
+    return [
+        f"{at['point']}: {name} is below the limit"
+        for at in result["points"]
+        for name, known in at["carrier"].items()
+        if known["thd_inf_pct"] < (1 - CLOSE) * at["limit"][0]["thd_inf_pct"]
+        or any(all(known[key] < (1 - CLOSE) * one[key] for key, _ in FIGURES[:2])
+               for one in at["limit"])
+    ]  # fmt: skip
+
+
+def grid(result: dict) -> Grid:
+    lines = [
+        [at["point"], f"{at['limit'][0]['m_pu']:.2f}", name,
+         *(f"{figures[key]:.3g}" for key, _ in FIGURES)]
+        for at in result["points"]
+        for name, figures in (
+            *((f"limit, w = {one['weight']:g}", one) for one in at["limit"]),
+            *at["carrier"].items(),
+        )
+    ]  # fmt: skip
+    heads = ["point", "V_dc", "pattern", *(title for _, title in FIGURES)]
+    f_sw_kHz = result["points"][0]["f_sw_Hz"] / 1e3
+    return [(f"At {f_sw_kHz:g} kHz, in inverse proportion to it", heads, lines)]
+
+
+def plot(
+    result: dict, path: Path, methods: Mapping[str, Mapping[str, tuple[float, float]]] | None = None
+) -> Path:
+    """The limit's front in the plane of both figures, at each point. methods: point -> method ->
+    the least THD and the least Td that it reaches, for a mark."""
+    from ...analysis import plots
+    from ..methods.pictures import LAW_COLOURS, logarithmic, one_legend, style
+
+    points = result["points"]
+    columns = min(len(points), 4)
+    rows = -(-len(points) // columns)
+    drawn, axes = plots.new_figure(rows, columns, 2.9 * rows + 0.9, 3.1 * columns)
+    for axis in axes.flat[len(points) :]:
+        axis.set_visible(False)
+    for axis, at in zip(axes.flat, points):
+        thd, td = (np.array([one[key] for one in at["limit"]]) for key in ("thd_inf_pct", "td_Nm"))
+        # Between two points their patterns take turns, so the squares are means.
+        ends = np.arange(len(thd))
+        share = np.linspace(0, len(thd) - 1, 20 * len(thd))
+        lines = [np.sqrt(np.interp(share, ends, one**2)) for one in (thd, td)]
+        axis.fill_between([0, *lines[0], 1e3], [1e6, *lines[1], td[-1]], 1e-9, color=plots.FAINT)
+        axis.plot(*lines, "-", color=plots.INK, label="limit of all patterns")
+        axis.plot(thd, td, ".", color=plots.INK)
+        shown = [*zip(thd, td)]
+        for marker, (name, known) in zip("v^<>", at["carrier"].items()):
+            one = known["thd_inf_pct"], known["td_Nm"]
+            axis.plot(*one, marker, color=plots.INK, fillstyle="none", markersize=5, label=name)
+            shown.append(one)
+        for name, one in (methods or {}).get(at["point"], {}).items():
+            marker = "P" if name.startswith(OURS) else "X" if name in LAW_COLOURS else "D"
+            axis.plot(*one, marker, color=style(name)["color"], markersize=6, label=name)
+            shown.append(one)
+        logarithmic(axis, "x", "y")
+        for set_ends, values in zip((axis.set_xlim, axis.set_ylim), zip(*shown)):
+            set_ends(0.85 * min(values), 1.15 * max(values))
+        axis.set_title(at["point"].replace(", ", "\n", 1), **plots.TITLE)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("Td [N m]", **plots.LABEL)
+    for axis in axes[-1]:
+        axis.set_xlabel("THD∞ [%]", **plots.LABEL)
+    one_legend(drawn, axes, 6)
+    return plots.save(drawn, path)

@@ -1,0 +1,364 @@
+"""ht_interleaved_law and ht_interleaved: the law against an ideal machine that takes its edges one by one;
+the positions against the ripple of the pulses, computed from their spectrum; and what the registers
+must hold whatever goes in.
+"""
+
+import itertools
+
+import numpy as np
+import pytest
+from campaigns import examples
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from unwritten import unwritten
+
+from hexatorque.firmware import ffi, lib
+
+TS, VDC = 1e-4, 300.0
+SIGMA_LS, LXY, RS, GAIN = 0.028, 0.0144, 6.0, 3.0
+RHO = SIGMA_LS / LXY
+COUNTS, SHORTEST = 10000, 60
+#: Legs of each set in the order of the law, and where they lie.
+LEGS = ((0, 2, 4), (5, 1, 3))
+ANGLE = np.deg2rad([0, 30, 120, 150, 240, 270])
+SET1 = 0b101010
+
+
+def pair(z):
+    return [z.real, z.imag]
+
+
+def machine():
+    return ffi.new("ht_observer_config *", {
+        "ts_s": TS, "inv_ts": 1 / TS, "rs_ohm": RS, "sigma_ls_H": SIGMA_LS,
+        "inv_sigma_ls": 1 / SIGMA_LS, "lxy_H": LXY, "torque_gain": GAIN,
+    })  # fmt: skip
+
+
+def level(word, leg):
+    return word >> (5 - leg) & 1
+
+
+class Law:
+    def __init__(self, weight=2.0, gain=1.0, in_phase=0.0, f_isr_Hz=1 / TS, dead=0.0,
+                 shortest=SHORTEST, counts=COUNTS):  # fmt: skip
+        self.cfg = ffi.new("ht_interleaved_law_config *")
+        self.cfg.deadbeat = ffi.new("ht_deadbeat_law_config *", [gain, 0.0, 16.0, 1.0])[0]
+        lib.ht_interleaved_configure(
+            ffi.addressof(self.cfg.positions), weight, RHO, f_isr_Hz, in_phase
+        )
+        assert lib.ht_interleaved_law_check(self.cfg)
+        self.state = unwritten("ht_interleaved_law_state *")
+        lib.ht_interleaved_law_reset(self.state)
+        self.period = ffi.new("ht_period *", [counts, 0, shortest])
+        self.dead = ffi.new("ht_dead_time *", [dead, 0.1])
+        self.six = ffi.new("ht_six *")
+        self.before = 0
+
+    def step(self, psi, psi_xy, rotor, torque, flux, turn=0.0, vdc=VDC, rs=RS, i=(0j, 0j)):
+        """One period. Returns what the registers and the observer are told."""
+        seen = ffi.new(
+            "ht_voltage_law_input *",
+            [pair(psi), pair(rotor), pair(psi_xy), [pair(i[0]), pair(i[1])], turn, rs, torque,
+             flux, vdc],
+        )  # fmt: skip
+        pwm = ffi.new("ht_modulator_input *", [self.dead, self.six, self.period, self.before])
+        out, applied = unwritten("ht_compare *"), unwritten("ht_applied *")
+        toggles = unwritten("ht_toggles *")
+        lib.ht_interleaved_law_pattern(
+            self.cfg, machine(), self.state, seen, pwm, out, applied, toggles
+        )
+        self.before = applied.s[2]
+        return out, applied, toggles
+
+
+def valid(law, before, out, applied, toggles):
+    """What the PWM and the observer rely on."""
+    p = law.period
+    assert out.start == applied.s[0] and applied.s[1] == applied.s[2] and out.start < 64
+    assert applied.before == before
+    for leg in range(6):
+        toggled = level(applied.s[0] ^ applied.s[1], leg)
+        assert out.cb[leg] == p.counts
+        if toggled:
+            assert p.shortest <= out.ca[leg] <= p.counts - p.shortest
+            assert toggles.t[leg] == pytest.approx(out.ca[leg] / p.counts, abs=1e-6)
+        else:
+            assert out.ca[leg] == p.counts and toggles.t[leg] == 1.0
+    edges = applied.s[0] ^ applied.s[1]
+    assert applied.later == edges and applied.close == 0
+    edge0 = before ^ applied.s[0]
+    assert applied.rising == (edge0 & applied.s[0]) | (edges & applied.s[1])
+    assert applied.falling == (edge0 & before) | (edges & applied.s[0])
+    high = np.array([
+        1 - toggles.t[leg] if level(applied.s[1], leg) > level(applied.s[0], leg)
+        else toggles.t[leg] if level(applied.s[1], leg) < level(applied.s[0], leg)
+        else level(applied.s[0], leg)
+        for leg in range(6)
+    ])  # fmt: skip
+    mean = applied.mean_pu
+    ab = (high * np.exp(1j * ANGLE)).sum() / 3
+    xy = (high * np.exp(5j * ANGLE)).sum() / 3
+    np.testing.assert_allclose([mean.ab.alpha, mean.ab.beta], pair(ab), atol=2e-6)
+    np.testing.assert_allclose([mean.xy.x, mean.xy.y], pair(xy), atol=2e-6)
+    return ab, xy
+
+
+class Machine:
+    """Ideal: the sets' fluxes are the integrals of their voltages less the drops, the rotor flux turns
+    with constant length. What the law sees is the state at the period's begin."""
+
+    def __init__(self, rotor, turn, psi=None):
+        self.rotor, self.turn = complex(rotor), turn
+        self.psi = self.rotor if psi is None else psi
+        self.psi_xy = 0j
+
+    def set_flux(self, a):
+        return self.psi + (1, -1)[a] * np.conj(self.psi_xy)
+
+    def run(self, ab, xy):
+        i = (self.psi - self.rotor) / SIGMA_LS
+        self.psi += TS * (VDC * ab - RS * i)
+        self.psi_xy += TS * (VDC * xy - RS * self.psi_xy / LXY)
+        self.rotor *= np.exp(1j * self.turn)
+
+    def torque(self):
+        return GAIN / SIGMA_LS * (np.conj(self.rotor) * self.psi).imag
+
+
+def settled(law, motor, torque, flux, periods=400):
+    """Torque and flux of the sets at the begins of their halves, over the last 48 periods."""
+    rows = []
+    for n in range(periods):
+        state = law.state.positions
+        sets = [state.quarter & 1] if not state.together else [] if state.quarter & 1 else [0, 1]
+        for a in sets if n >= periods - 48 else []:
+            off = law.state.off_pu[a]
+            mean = motor.set_flux(a) - VDC * TS * complex(off.alpha, off.beta)
+            rows.append((GAIN / SIGMA_LS * (np.conj(motor.rotor) * mean).imag, abs(mean)))
+        before = law.before
+        out = law.step(motor.psi, motor.psi_xy, motor.rotor, torque, flux, motor.turn)
+        motor.run(*valid(law, before, *out))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("degrees", range(0, 360, 15))
+@pytest.mark.parametrize("turn", [0.0, 0.012, -0.03, 0.039])
+@pytest.mark.parametrize("in_phase", [0.0, 1.0])
+def test_each_set_has_the_torque_and_the_flux_at_its_begins(in_phase, turn, degrees):
+    """From every direction, at low and high voltage, with pulses placed. The compare values are
+    rounded, and edges keep the shortest pulse from the samples: the set makes up for it."""
+    rotor = 0.36 * np.exp(1j * np.deg2rad(degrees))
+    law = Law(2.0 * (1 - in_phase), in_phase=in_phase)
+    found = settled(law, Machine(rotor, turn), 1.5, 0.4)
+    assert law.state.positions.together == (in_phase == 1.0 and abs(turn) > 0.02)
+    assert found[:, 0].mean() == pytest.approx(1.5, abs=0.02)
+    assert np.abs(found[:, 0] - 1.5).max() < 0.12
+    assert found[:, 1].mean() == pytest.approx(0.4, rel=2e-3)
+    assert np.abs(found[:, 1] - 0.4).max() < 0.006
+
+
+def test_the_first_step_is_that_of_the_equations():
+    """Derived here in complex numbers: the set's flux goes to w = (a + j b) r, turned by the half."""
+    rng = np.random.default_rng(37)
+    for _ in range(200):
+        rotor = 0.36 * np.exp(2j * np.pi * rng.random())
+        psi = rotor * (1.1 + 0.02 * rng.standard_normal() + 0.05j * rng.standard_normal())
+        psi_xy = 0.002 * complex(*rng.standard_normal(2))
+        torque, turn = rng.uniform(-3, 3), rng.uniform(-0.03, 0.03)
+        own = psi + np.conj(psi_xy)
+        flux = abs(own) + rng.uniform(-0.004, 0.004)
+        law = Law()
+        out, applied, toggles = law.step(psi, psi_xy, rotor, torque, flux, turn)
+        b = torque * SIGMA_LS / (GAIN * abs(rotor) ** 2)
+        limited = abs(own) + np.clip(flux - abs(own), -0.2 * VDC * TS, 0.2 * VDC * TS)
+        a = np.sqrt(max(limited**2 / abs(rotor) ** 2 - b * b, 0.01))
+        w, tau = (a + 1j * b) * rotor, 2 * turn
+        e = (1j * tau - tau**2 / 2) * w + w - own
+        if abs(e) > 0.5 * 2 * VDC * TS:
+            continue
+        x = e / (2 * TS * VDC) + RS * (w - rotor) / SIGMA_LS * (1 + 0.5j * tau) / VDC
+        u = np.array([(x * np.exp(-1j * ANGLE[leg])).real for leg in LEGS[0]])
+        d = 0.5 + u - 0.5 * (u.max() + u.min())
+        # The first half of set 1 rises. A pulse moves towards 1/8 by the cap at most.
+        delta = min(law.cfg.positions.cap, 0.125)
+        for k, leg in enumerate(LEGS[0]):
+            placed = law.state.positions.set[0].delta[k]
+            assert abs(placed) <= delta + 1e-6
+            at = 2 * (1 - d[k]) + 4 * (1 - d[k]) * placed
+            late = law.state.positions.set[0].moves >> (5 - leg) & 1
+            got = 1 + law.state.positions.set[0].next[k] / COUNTS if late else toggles.t[leg]
+            if abs(at - 1) > SHORTEST / COUNTS:
+                assert got == pytest.approx(at, abs=2e-4)
+        # Set 2 has not begun: it is at zero.
+        assert applied.s[0] & ~SET1 == 0 and applied.s[1] & ~SET1 == 0
+
+
+def ripple(d, delta, samples=4800):
+    """Fluxes of the sets without their means, over one period of the carrier, from ideal pulses."""
+    t = (np.arange(samples) + 0.5) / samples
+    flux = []
+    for a in (0, 1):
+        centre = (0.5, 0.75)[a] + np.array(delta[a])
+        from_centre = np.abs((t - centre[:, None] + 0.5) % 1 - 0.5)
+        # The share of each sample that is high: exact to first order, so that slopes are smooth.
+        high = np.clip((np.array(d[a])[:, None] / 2 - from_centre) * samples + 0.5, 0, 1)
+        v = 2 / 3 * (high * np.exp(1j * ANGLE[list(LEGS[a])])[:, None]).sum(axis=0)
+        p = np.cumsum(v - v.mean()) / samples
+        flux.append(p - p.mean())
+    return flux
+
+
+def cost(d, delta, quad, weight):
+    """Current and torque ripple squared: those of x-y are rho times as large."""
+    one, two = ripple(d, delta)
+    ab, xy = 0.5 * (one + two), 0.5 * np.conj(one - two)
+    currents = (np.abs(ab) ** 2 + RHO**2 * np.abs(xy) ** 2).mean() / (1 + RHO**2)
+    torque = ((ab * np.conj(quad)).real ** 2).mean()
+    return (currents + weight * torque) / (1 + weight)
+
+
+def test_positions_go_down_the_slope_of_the_ripple():
+    """One of three pulses moves in a half, by a step in proportion to the slope of J in its
+    position, which is found here by differences."""
+    rng = np.random.default_rng(3)
+    factors = []
+    for trial in range(60):
+        weight = (0.0, 2.0)[trial % 2]
+        law = Law(weight, f_isr_Hz=1600.0)
+        state = ffi.addressof(law.state.positions)
+        rotor = 0.36 * np.exp(2j * np.pi * rng.random())
+        x = 0.42 * np.exp(2j * np.pi * rng.random())
+        d = []
+        for a in (0, 1):
+            u = (x * np.exp(-1j * ANGLE[list(LEGS[a])])).real
+            d.append(0.5 + u - 0.5 * (u.max() + u.min()))
+            for k in range(3):
+                state.set[a].d[k] = d[a][k]
+                state.set[a].delta[k] = rng.uniform(-0.1, 0.1) * min(d[a][k], 1 - d[a][k])
+        a, k = trial % 2, trial % 3
+        state.quarter, state.turn = a, k
+        law.state.begun = True
+        delta = [[state.set[s].delta[n] for n in range(3)] for s in (0, 1)]
+        command = ffi.new("ht_interleaved_command *", [pair(x), pair(1j * rotor / 0.36), [0.45, 0.0]])
+        pwm = ffi.new("ht_modulator_input *", [law.dead, law.six, law.period, 0])
+        lib.ht_interleaved_step(
+            ffi.addressof(law.cfg.positions), state, command, a, False, pwm,
+            unwritten("ht_compare *"), unwritten("ht_applied *"), unwritten("ht_toggles *"),
+        )  # fmt: skip
+        moved = state.set[a].delta[k] - delta[a][k]
+        if not 1e-4 < abs(moved) < 0.95 * law.cfg.positions.cap:
+            continue
+        if abs(state.set[a].delta[k]) > 0.99 * 0.45 * min(d[a][k], 1 - d[a][k]):
+            continue
+        near = []
+        for shift in (1e-3, -1e-3):
+            changed = [list(row) for row in delta]
+            changed[a][k] += shift
+            near.append(cost(d, changed, 1j * rotor / 0.36, weight))
+        factors.append(-moved / ((near[0] - near[1]) / 2e-3))
+    assert len(factors) >= 20
+    assert np.min(factors) > 0
+    np.testing.assert_allclose(factors, np.median(factors), rtol=0.03)
+
+
+def test_for_the_least_distortion_the_sets_begin_together_and_turn():
+    """Above 0.3 Vdc; from 0.285 Vdc down no longer. In every second 30 degrees of the voltage one rises
+    while the other falls, as the modulator of db-dtfc has it."""
+    law = Law(0.0, in_phase=1.0)
+    together, senses = [], []
+    for size in (0.2, 0.29, 0.31, 0.29, 0.27):
+        motor = Machine(0.4, 0.0)
+        motor.turn = size * VDC * TS / 0.4
+        motor.psi = complex(0.4)
+        for n in range(240):
+            was = law.before
+            quarter = law.state.positions.quarter
+            out, applied, toggles = law.step(motor.psi, motor.psi_xy, motor.rotor, 0.0, 0.4, motor.turn)
+            motor.run(*valid(law, was, out, applied, toggles))
+            state = law.state.positions
+            if n > 120 and state.together and quarter in (0, 2):
+                v = law.state.v_pu[0]
+                angle = np.rad2deg(np.angle(complex(v.alpha, v.beta))) % 60
+                start = [applied.s[0] & SET1 != 0, applied.s[0] & ~SET1 != 0]
+                senses.append((angle, start[0] != start[1], state.opposite))
+        together.append(law.state.positions.together)
+    assert together == [False, False, True, True, False]
+    assert len(senses) > 50
+    for angle, opposite, told in senses:
+        assert opposite == told
+        if min(abs(angle - edge) for edge in (0, 30, 60)) > 8:
+            assert opposite == (angle < 30)
+
+
+NUMBERS = st.one_of(
+    st.floats(-3, 3, width=32),
+    st.sampled_from([0.0, -0.0, np.nan, np.inf, -np.inf, 1e30, -1e30, 1e-38]),
+)
+Z = st.builds(complex, NUMBERS, NUMBERS)
+
+
+@settings(max_examples=examples(150), deadline=None)
+@given(
+    st.lists(st.tuples(Z, Z, Z, NUMBERS, NUMBERS, NUMBERS, NUMBERS, NUMBERS), min_size=1,
+             max_size=9),
+    st.sampled_from([(8, 1), (8, 4), (9, 4), (10000, 60), (10000, 5000), (65535, 1), (65535, 32767)]),
+    st.floats(0, 0.5, width=32), st.integers(0, 63), st.floats(0, 1), st.floats(0, 1),
+)  # fmt: skip
+def test_every_input_gives_a_valid_pattern(inputs, period, dead, before, weight, in_phase):
+    """NaN and infinity as well, and the state recovers: a steady voltage follows that is made as ever."""
+    counts, shortest = period
+    law = Law(2 * weight, in_phase=in_phase, dead=min(dead, shortest / counts), counts=counts,
+              shortest=shortest)  # fmt: skip
+    law.before = before
+    for psi, psi_xy, rotor, torque, flux, turn, vdc, current in inputs:
+        for leg in range(6):
+            law.six.p[leg] = current
+        was = law.before
+        valid(law, was, *law.step(psi, psi_xy, rotor, torque, flux, turn, vdc, i=(psi, psi_xy)))
+    for leg in range(6):
+        law.six.p[leg] = 0.0
+    motor = Machine(0.36, 0.03)
+    for _ in range(40):
+        was = law.before
+        ab, xy = valid(law, was, *law.step(0.4 + 0j, 0j, 0.36 + 0j, 0.0, 0.4, 0.0))
+    assert np.isfinite([motor.psi.real, abs(ab), abs(xy)]).all()
+    for a, k in itertools.product((0, 1), range(3)):
+        assert 0 <= law.state.positions.set[a].d[k] <= 1
+        assert abs(law.state.positions.set[a].delta[k]) <= 0.2251
+        assert np.isfinite([law.state.off_pu[a].alpha, law.state.off_pu[a].beta]).all()
+
+
+@pytest.mark.parametrize("size", [0.01, 0.3, 0.55, 0.6, 0.7, 2.0])
+def test_every_sector_and_its_edges(size):
+    """Steps of the flux in all directions, up to what no legs can make: a leg on its rail does not
+    toggle, and no pulse is shorter than the shortest."""
+    law = Law()
+    last = [None] * 6
+    time = 0
+    for k in range(4 * 360):
+        direction = np.exp(1j * np.deg2rad(15 * (k // 8) + (k % 8 - 4) * 1e-5))
+        goal = size * 2 * VDC * TS * direction
+        was = law.before
+        out, applied, toggles = law.step(0.36 - goal, 0j, 0.36 + 0j, 0.0, 0.36)
+        valid(law, was, out, applied, toggles)
+        for leg in range(6):
+            for at, change in ((0, level(was ^ applied.s[0], leg)),
+                               (out.ca[leg], level(applied.s[0] ^ applied.s[1], leg))):  # fmt: skip
+                if change:
+                    assert last[leg] is None or time + at - last[leg] >= SHORTEST
+                    last[leg] = time + at
+        time += COUNTS
+
+
+def test_a_configuration_that_is_no_number_is_refused():
+    law = Law()
+    for name in ("scale", "weight", "alike", "cap"):
+        cfg = ffi.new("ht_interleaved_config *", law.cfg.positions)
+        for wrong in (np.nan, np.inf, -2.0):
+            setattr(cfg, name, wrong)
+            assert not lib.ht_interleaved_check(cfg), (name, wrong)
+    for n in (0, 1):
+        cfg = ffi.new("ht_interleaved_config *", law.cfg.positions)
+        cfg.early[n] = np.nan
+        assert not lib.ht_interleaved_check(cfg)

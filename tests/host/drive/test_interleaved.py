@@ -1,0 +1,89 @@
+"""db-ipwm in the simulated drive: what it promises at equal switching frequency, its knob, and the
+ways through start, steps, weakening and reversal.
+"""
+
+import numpy as np
+import pytest
+from campaigns import part
+
+from hexatorque import setups
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.evidence.methods.bench import measure
+from hexatorque.evidence.methods.places import PLACES
+
+#: Near 4 kHz, from the f_isr of 12 samples in a whole number of counts.
+QUARTER_HZ, HALF_HZ = 150e6 / 9384, 150e6 / 18756
+
+
+def at(place, scheme, f_isr_Hz, **values):
+    clock_Hz = 150e6 if place.base["timing.device"] == "f28335" else 200e6
+    counts = 12 * round(clock_Hz / (12 * f_isr_Hz))
+    f_isr_Hz = clock_Hz / counts
+    values |= {"f_isr_Hz": f_isr_Hz, "f_slow_Hz": f_isr_Hz / round(f_isr_Hz / 100)}
+    found = measure(scheme, values, place, build_s=place.base.parameter("build_s"))
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("place", part(list(PLACES), 3), ids=lambda place: f"{place.setup} {place.speed_rpm:g}")
+def test_both_ends_of_the_knob_against_the_deadbeat_law(place):
+    """At the switching frequency of db-dtfc it has half of its torque ripple at one end, and no
+    more distortion at the other."""
+    theirs = at(place, "db-dtfc", HALF_HZ)
+    smooth = at(place, "db-ipwm", QUARTER_HZ)
+    assert smooth["f_sw_Hz"] <= 1.01 * theirs["f_sw_Hz"]
+    assert smooth["td_Nm"] <= 0.5 * theirs["td_Nm"]
+    clean = at(place, "db-ipwm", QUARTER_HZ, thd_share=1.0)
+    assert clean["f_sw_Hz"] <= 1.01 * theirs["f_sw_Hz"]
+    assert clean["thd_inf_pct"] <= 1.02 * theirs["thd_inf_pct"]
+
+
+@pytest.mark.parametrize("setup", ("paper-a-feasible", "paper-b", "small-2kw", "large-110kw"))
+@pytest.mark.parametrize("thd_share", (0.0, 1.0))
+def test_a_start_a_reversal_and_a_load(setup, thd_share):
+    base = setups.load(setup).with_scheme("db-ipwm", controller__thd_share=thd_share)
+    sim = SimulatedDrive(base, 1)
+    sim.start()
+    sim.run(base.parameter("build_s") + 0.1, record=False)
+    speed_rpm, load_Nm = base["point.speed_rpm"], base["point.load_Nm"]
+    for speed, load in ((speed_rpm, load_Nm), (-speed_rpm, load_Nm), (-speed_rpm, -load_Nm), (0, 0)):
+        sim.set("load_Nm", 0.0)
+        sim.set("speed_ref_rpm", float(speed))
+        sim.run(3.0, record=False)
+        sim.set("load_Nm", float(load))
+        sim.run(1.0, record=False)
+        sim.check()
+        assert sim.speed_rpm == pytest.approx(speed, abs=0.02 * abs(speed_rpm) + 3)
+
+
+@pytest.mark.parametrize(("setup", "speed_rpm"), [("paper-a-feasible", 2700), ("paper-b", 5000)])
+def test_twice_base_speed_and_back(setup, speed_rpm):
+    sim = SimulatedDrive(setups.load(setup).with_scheme("db-ipwm"), 1)
+    sim.start()
+    for speed, time_s in ((0, 0.4), (speed_rpm, 2.0), (-speed_rpm, 3.0), (0, 2.0)):
+        sim.set("speed_ref_rpm", speed)
+        sim.run(time_s, record=False)
+        sim.check()
+        assert sim.speed_rpm == pytest.approx(speed, abs=0.01 * speed_rpm)
+
+
+@pytest.mark.parametrize("setup", ("paper-a-feasible", "paper-b"))
+def test_the_knob_moves_while_the_drive_runs(setup):
+    """Through the voltage and the share from which the sets begin together, without a dip of the
+    torque beyond a quarter."""
+    base = setups.load(setup).with_scheme("db-ipwm", controller__f_isr_Hz=10e3)
+    sim = SimulatedDrive(base, 4)
+    sim.start()
+    sim.run(0.5, record=False)
+    speed_rpm, load_Nm = (700, 8.0) if setup == "paper-a-feasible" else (2300, 2.0)
+    sim.set("speed_ref_rpm", speed_rpm)
+    sim.run(1.5, record=False)
+    sim.set("load_Nm", load_Nm)
+    sim.run(1.0, record=False)
+    sim.discard()
+    for share in (0.0, 1.0, 0.0, 0.7, 0.8, 0.5, 1.0):
+        sim.set("thd_share", share)
+        sim.run(0.05)
+    sim.check()
+    torque_Nm = sim.take()["plant.torque_Nm"]
+    assert np.abs(torque_Nm - torque_Nm.mean()).max() < 0.3 * load_Nm

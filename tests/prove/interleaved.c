@@ -1,0 +1,44 @@
+/* Carriers of both sets: the register of a leg, and the configuration. */
+#include "ht_contracts.h"
+#include "ht_interleaved.c"
+#include "prove.h"
+
+void prove_edge_counts(void)
+{
+    half_of h;
+    ht_period p;
+    uint32_t count;
+    p.counts = nondet_uint16();
+    p.first = 0u;
+    p.shortest = nondet_uint16();
+    GIVEN(HT_IS_PERIOD(p));
+    h.end = p.counts;
+    h.shortest = p.shortest;
+    h.full = (float)p.counts;
+    count = edge_counts(&h, nondet_float(), nondet_float());
+    if ((count != 0u) && (count != 2u * (uint32_t)p.counts)) {
+        uint32_t in_period = (count < p.counts) ? count : (count - p.counts);
+        MUST(in_period < p.counts);
+        MUST(HT_IS_COMPARE(in_period, p));
+    }
+}
+
+void prove_interleaved_check(void)
+{
+    ht_interleaved_config cfg;
+    cfg.scale = nondet_float();
+    cfg.weight = nondet_float();
+    cfg.alike = nondet_float();
+    cfg.cap = nondet_float();
+    cfg.together_pu2 = nondet_float();
+    cfg.early[0] = nondet_float();
+    cfg.early[1] = nondet_float();
+    GIVEN(ht_interleaved_check(&cfg));
+    MUST((cfg.scale > 0.0f) && is_finite(cfg.scale));
+    MUST((cfg.weight >= 0.0f) && is_finite(cfg.weight));
+    MUST((cfg.alike >= -1.0f) && (cfg.alike <= 1.0f));
+    MUST((cfg.cap > 0.0f) && (cfg.cap < 0.1f));
+    MUST(cfg.together_pu2 > 0.0f);
+    MUST((cfg.early[0] >= -0.125f) && (cfg.early[0] <= 0.125f));
+    MUST((cfg.early[1] >= -0.125f) && (cfg.early[1] <= 0.125f));
+}
