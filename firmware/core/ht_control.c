@@ -294,8 +294,8 @@ void ht_control_configure(ht_control_config *cfg, const ht_law_setting *given)
         break;
     }
     ht_modulator_wind(&cfg->modulator, cfg->observer.winding);
-    cfg->special =
-        cfg->patterns || cfg->observer.magnets || (cfg->observer.winding != HT_WINDING_30);
+    cfg->special = cfg->patterns || cfg->observer.magnets
+                   || (cfg->observer.winding != HT_WINDING_30);
 }
 
 float ht_control_reach_pu(const ht_control_config *cfg)
@@ -696,7 +696,7 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
 /* The step of a law that makes the pattern, of a drive that has all its legs. A function of its own, as that
  * below. */
 HT_APART HT_WITH_CALLED static void pattern_step(const ht_control_config *cfg, ht_control_state *st,
-                                  const ht_control_input *in, ht_compare *out)
+                                                 const ht_control_input *in, ht_compare *out)
 {
     bool magnets = cfg->observer.magnets;
     ht_vsd i = currents_of(HT_WINDING_30, &in->i_A);
@@ -713,11 +713,11 @@ HT_APART HT_WITH_CALLED static void pattern_step(const ht_control_config *cfg, h
     switch (cfg->law) {
 #define HT_VECTOR_LAW(id, law)
 #define HT_VOLTAGE_LAW(id, law)
-#define HT_PATTERN_LAW(id, law)                                                             \
-    case HT_LAW_##id:                                                                       \
-        st->v_xy_pu = ht_##law##_law_pattern(&cfg->law##_law, &cfg->observer,               \
-                                             &st->law##_law, &seen, &given, out, &st->next, \
-                                             &st->toggles[which - 1u]);                    \
+#define HT_PATTERN_LAW(id, law)                                                               \
+    case HT_LAW_##id:                                                                         \
+        st->v_xy_pu = ht_##law##_law_pattern(&cfg->law##_law, &cfg->observer, &st->law##_law, \
+                                             &seen, &given, out, &st->next,                   \
+                                             &st->toggles[which - 1u]);                       \
         break;
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW

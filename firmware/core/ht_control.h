@@ -30,14 +30,14 @@
 
 typedef struct {
     ht_scheme scheme;
-    ht_law law;            /**< of the scheme */
-    bool shadow;           /**< a pattern takes effect one period after its step */
-    bool predict;          /**< decide on the state one period ahead */
-    bool needs_xy;         /**< the law decides by the x-y flux */
-    bool patterns;         /**< the law decides on the pattern itself */
-    bool special; /**< magnets, sets that are not 30 degrees apart, or a law that makes patterns */
-    bool only_v0;          /**< zero vectors: V0 only, else the one with the fewest transitions */
-    float drop_V;          /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
+    ht_law law;    /**< of the scheme */
+    bool shadow;   /**< a pattern takes effect one period after its step */
+    bool predict;  /**< decide on the state one period ahead */
+    bool needs_xy; /**< the law decides by the x-y flux */
+    bool patterns; /**< the law decides on the pattern itself */
+    bool special;  /**< magnets, sets that are not 30 degrees apart, or a law that makes patterns */
+    bool only_v0;  /**< zero vectors: V0 only, else the one with the fewest transitions */
+    float drop_V;  /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
     float build_current_A; /**< current limit of the flux build-up */
     ht_period period;
     ht_dead_time dead;

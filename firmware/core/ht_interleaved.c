@@ -49,8 +49,8 @@ void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rh
 bool ht_interleaved_check(const ht_interleaved_config *cfg)
 {
     return (cfg->weight >= 0.0f) && (cfg->weight < 1.0e3f) && (cfg->scale > 0.0f)
-           && (cfg->scale <= SLOPE) && (fabsf(cfg->alike) <= 1.0f)
-           && (cfg->cap > 0.0f) && (cfg->cap <= CAP_MOST) && (fabsf(cfg->early[0]) <= EARLY)
+           && (cfg->scale <= SLOPE) && (fabsf(cfg->alike) <= 1.0f) && (cfg->cap > 0.0f)
+           && (cfg->cap <= CAP_MOST) && (fabsf(cfg->early[0]) <= EARLY)
            && (fabsf(cfg->early[1]) <= EARLY) && (cfg->together_pu2 > 0.0f); /* NaN is not */
 }
 

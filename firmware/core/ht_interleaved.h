@@ -30,10 +30,10 @@
 #define HT_CARRIER_PERIODS 4.0f
 
 typedef struct {
-    float scale;    /**< of a slope: the step that it asks for */
-    float weight;   /**< of the torque's ripple against the current's; 0 or more */
-    float alike;    /**< weight of two legs of different sets 30 degrees apart, -1 .. 1 */
-    float cap;      /**< most that a position moves in a half, share of a carrier's period */
+    float scale;        /**< of a slope: the step that it asks for */
+    float weight;       /**< of the torque's ripple against the current's; 0 or more */
+    float alike;        /**< weight of two legs of different sets 30 degrees apart, -1 .. 1 */
+    float cap;          /**< most that a position moves in a half, share of a carrier's period */
     float together_pu2; /**< above this voltage, squared, both sets begin together; units of Vdc */
     float early[2]; /**< where pulses of each set lie at low voltage, share of a carrier's period */
 } ht_interleaved_config;

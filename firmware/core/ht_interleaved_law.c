@@ -46,9 +46,10 @@ ht_vsd ht_interleaved_law_step(const ht_interleaved_law_config *cfg,
 }
 
 /* What the set that begins is to do. */
-static HT_INTO_CALLERS ht_interleaved_command
-command_of(const ht_interleaved_law_config *cfg, const ht_observer_config *machine,
-           ht_interleaved_law_state *st, const ht_voltage_law_input *in, unsigned a)
+static HT_INTO_CALLERS ht_interleaved_command command_of(const ht_interleaved_law_config *cfg,
+                                                         const ht_observer_config *machine,
+                                                         ht_interleaved_law_state *st,
+                                                         const ht_voltage_law_input *in, unsigned a)
 {
     ht_xy_config integral = {0.0f, cfg->deadbeat.xy_ki_per_A};
     float sign = (a == 0u) ? 1.0f : -1.0f;
@@ -124,8 +125,7 @@ command_of(const ht_interleaved_law_config *cfg, const ht_observer_config *machi
 HT_APART static void both_of(const ht_interleaved_law_config *cfg,
                              const ht_observer_config *machine, ht_interleaved_law_state *st,
                              const ht_voltage_law_input *in, const ht_modulator_input *pwm,
-                             bool begins, ht_compare *out, ht_applied *applied,
-                             ht_toggles *toggles)
+                             bool begins, ht_compare *out, ht_applied *applied, ht_toggles *toggles)
 {
     ht_interleaved_command command[2];
     unsigned a;

@@ -753,7 +753,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         if lib.ht_scheme_xy_ripple_pu(row):
             least_Hz = firmware.least_ripple_Hz(lambda key: name if key == "scheme" else p(key))
             yield at_least(
-                "f_isr_Hz for the x-y ripple of interleaved carriers", p("f_isr_Hz"), least_Hz, "Hz",
+                "f_isr_Hz for the x-y ripple of its carriers", p("f_isr_Hz"), least_Hz, "Hz",
                 f"set controller.f_isr_Hz = {math.ceil(least_Hz / 1e3) * 1000}, or take db-dtfc",
             )  # fmt: skip
         yield from _reach(d, row, by_table=False)

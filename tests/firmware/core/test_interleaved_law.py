@@ -1,5 +1,5 @@
-"""ht_interleaved_law and ht_interleaved: the law against an ideal machine that takes its edges one by one;
-the positions against the ripple of the pulses, computed from their spectrum; and what the registers
+"""ht_interleaved_law and ht_interleaved: the law against an ideal machine that takes its edges; the
+positions against the ripple of the pulses, computed from their spectrum; and what the registers
 must hold whatever goes in.
 """
 
@@ -105,8 +105,8 @@ def valid(law, before, out, applied, toggles):
 
 
 class Machine:
-    """Ideal: the sets' fluxes are the integrals of their voltages less the drops, the rotor flux turns
-    with constant length. What the law sees is the state at the period's begin."""
+    """Ideal: the sets' fluxes are the integrals of their voltages less the drops, the rotor flux
+    turns with constant length. What the law sees is the state at the period's begin."""
 
     def __init__(self, rotor, turn, psi=None):
         self.rotor, self.turn = complex(rotor), turn
@@ -159,7 +159,7 @@ def test_each_set_has_the_torque_and_the_flux_at_its_begins(in_phase, turn, degr
 
 
 def test_the_first_step_is_that_of_the_equations():
-    """Derived here in complex numbers: the set's flux goes to w = (a + j b) r, turned by the half."""
+    """In complex numbers: the set's flux goes to w = (a + j b) r, turned by the half."""
     rng = np.random.default_rng(37)
     for _ in range(200):
         rotor = 0.36 * np.exp(2j * np.pi * rng.random())
@@ -169,7 +169,7 @@ def test_the_first_step_is_that_of_the_equations():
         own = psi + np.conj(psi_xy)
         flux = abs(own) + rng.uniform(-0.004, 0.004)
         law = Law()
-        out, applied, toggles = law.step(psi, psi_xy, rotor, torque, flux, turn)
+        _, applied, toggles = law.step(psi, psi_xy, rotor, torque, flux, turn)
         b = torque * SIGMA_LS / (GAIN * abs(rotor) ** 2)
         limited = abs(own) + np.clip(flux - abs(own), -0.2 * VDC * TS, 0.2 * VDC * TS)
         a = np.sqrt(max(limited**2 / abs(rotor) ** 2 - b * b, 0.01))
@@ -240,7 +240,9 @@ def test_positions_go_down_the_slope_of_the_ripple():
         state.quarter, state.turn = a, k
         law.state.begun = True
         delta = [[state.set[s].delta[n] for n in range(3)] for s in (0, 1)]
-        command = ffi.new("ht_interleaved_command *", [pair(x), pair(1j * rotor / 0.36), [0.45, 0.0]])
+        command = ffi.new(
+            "ht_interleaved_command *", [pair(x), pair(1j * rotor / 0.36), [0.45, 0.0]]
+        )
         pwm = ffi.new("ht_modulator_input *", [law.dead, law.six, law.period, 0])
         lib.ht_interleaved_step(
             ffi.addressof(law.cfg.positions), state, command, a, False, pwm,
@@ -263,7 +265,7 @@ def test_positions_go_down_the_slope_of_the_ripple():
 
 
 def test_for_the_least_distortion_the_sets_begin_together_and_turn():
-    """Above 0.3 Vdc; from 0.285 Vdc down no longer. In every second 30 degrees of the voltage one rises
+    """Above 0.3 Vdc; from 0.285 Vdc down no longer. In every second 30 degrees one rises
     while the other falls, as the modulator of db-dtfc has it."""
     law = Law(0.0, in_phase=1.0)
     together, senses = [], []
@@ -274,7 +276,9 @@ def test_for_the_least_distortion_the_sets_begin_together_and_turn():
         for n in range(240):
             was = law.before
             quarter = law.state.positions.quarter
-            out, applied, toggles = law.step(motor.psi, motor.psi_xy, motor.rotor, 0.0, 0.4, motor.turn)
+            out, applied, toggles = law.step(
+                motor.psi, motor.psi_xy, motor.rotor, 0.0, 0.4, motor.turn
+            )
             motor.run(*valid(law, was, out, applied, toggles))
             state = law.state.positions
             if n > 120 and state.together and quarter in (0, 2):
@@ -302,11 +306,12 @@ Z = st.builds(complex, NUMBERS, NUMBERS)
 @given(
     st.lists(st.tuples(Z, Z, Z, NUMBERS, NUMBERS, NUMBERS, NUMBERS, NUMBERS), min_size=1,
              max_size=9),
-    st.sampled_from([(8, 1), (8, 4), (9, 4), (10000, 60), (10000, 5000), (65535, 1), (65535, 32767)]),
+    st.sampled_from([(8, 1), (8, 4), (9, 4), (10000, 60), (10000, 5000), (65535, 1),
+                     (65535, 32767)]),
     st.floats(0, 0.5, width=32), st.integers(0, 63), st.floats(0, 1), st.floats(0, 1),
 )  # fmt: skip
 def test_every_input_gives_a_valid_pattern(inputs, period, dead, before, weight, in_phase):
-    """NaN and infinity as well, and the state recovers: a steady voltage follows that is made as ever."""
+    """NaN and infinity as well, and the state recovers: it holds numbers again."""
     counts, shortest = period
     law = Law(2 * weight, in_phase=in_phase, dead=min(dead, shortest / counts), counts=counts,
               shortest=shortest)  # fmt: skip

@@ -25,7 +25,9 @@ def at(place, scheme, f_isr_Hz, **values):
     return found
 
 
-@pytest.mark.parametrize("place", part(list(PLACES), 3), ids=lambda place: f"{place.setup} {place.speed_rpm:g}")
+@pytest.mark.parametrize(
+    "place", part(list(PLACES), 3), ids=lambda place: f"{place.setup} {place.speed_rpm:g}"
+)
 def test_both_ends_of_the_knob_against_the_deadbeat_law(place):
     """At the switching frequency of db-dtfc it has half of its torque ripple at one end, and no
     more distortion at the other."""
@@ -46,7 +48,12 @@ def test_a_start_a_reversal_and_a_load(setup, thd_share):
     sim.start()
     sim.run(base.parameter("build_s") + 0.1, record=False)
     speed_rpm, load_Nm = base["point.speed_rpm"], base["point.load_Nm"]
-    for speed, load in ((speed_rpm, load_Nm), (-speed_rpm, load_Nm), (-speed_rpm, -load_Nm), (0, 0)):
+    for speed, load in (
+        (speed_rpm, load_Nm),
+        (-speed_rpm, load_Nm),
+        (-speed_rpm, -load_Nm),
+        (0, 0),
+    ):
         sim.set("load_Nm", 0.0)
         sim.set("speed_ref_rpm", float(speed))
         sim.run(3.0, record=False)
