@@ -23,6 +23,8 @@
 /* The build-up is direct current, where all that the models disagree about is R_s: it
  * is learnt quickly there, or a wrong one would build a wrong flux. */
 #define BUILD_ADAPT_S 0.1f
+/* And tells the winding's temperature if it takes so many of these time constants. */
+#define HEAT_BUILT 2.5f
 /* Lost leg: how long evidence is gathered at least, how long a wrong sensor rules a loss out; a set's
  * sum that shows a wrong sensor, share of its trip level; no current in a leg, share of that sum. */
 #define LOSS_HOLD_S 0.001f
@@ -290,6 +292,10 @@ static void configure_least_loss(const float *v, float pull_out_Nm_Wb2, ht_least
  * not be taken for a constant by the samples of the slow interrupt. */
 #define HEAT_LOOK_PERIODS 2.0f
 
+/* The adapted R_s is exact after so many of its time constants: where the speed fades it, 100 K are far
+ * below the model's trust in it then. */
+#define HEAT_SETTLED 6.0f
+
 static void configure_heat(const ht_params *p, ht_heat_config *c)
 {
     const float *v = p->v;
@@ -309,12 +315,27 @@ static void configure_heat(const ht_params *p, ht_heat_config *c)
     c->to_ambient = step_s / v[HT_P_frame_s];
     c->frame_per_W_K = c->to_ambient * v[HT_P_frame_K_W];
     c->frame_per_rise = (per_s > 0.0f) ? (c->frame_per_W_K / (legs * v[HT_P_winding_K_W])) : 0.0f;
-    c->ohm_per_K = HT_COPPER_PER_K * v[HT_P_rs_ohm]
-                   / (1.0f + HT_COPPER_PER_K * (v[HT_P_rs_degC] - 20.0f));
-    c->ohm = v[HT_P_rs_ohm] + c->ohm_per_K * (v[HT_P_ambient_degC] - v[HT_P_rs_degC]);
+    c->ohm_per_K = v[HT_P_rs_ohm] / (v[HT_P_rs_degC] - HT_COPPER_ZERO_DEGC);
+    c->ambient_K = v[HT_P_ambient_degC] - HT_COPPER_ZERO_DEGC;
+    c->settled = HEAT_SETTLED * v[HT_P_adapt_s] * v[HT_P_f_slow_Hz];
+    c->rs_tells = (per_s > 0.0f) ? (uint16_t)v[HT_P_rs_tells] : (uint16_t)HT_RS_TELLS_NOTHING;
     c->ambient_degC = v[HT_P_ambient_degC];
     c->limit_degC = v[HT_P_winding_limit_degC];
     c->trip_degC = v[HT_P_winding_trip_degC];
+}
+
+/* The dc link's voltage stands for so long before the relay closes, and the relay takes as long. */
+#define CHARGED_S 0.1f
+
+static void configure_outputs(const float *v, ht_outputs_config *c)
+{
+    c->precharge_V = v[HT_P_precharge_V];
+    c->rearm_V = v[HT_P_vdc_min_V];
+    c->stands = CHARGED_S * v[HT_P_f_slow_Hz];
+    c->opens = v[HT_P_brake_open_s] * v[HT_P_f_slow_Hz];
+    c->closes = v[HT_P_brake_close_s] * v[HT_P_f_slow_Hz];
+    c->hold_Nm = v[HT_P_brake_Nm];
+    c->fan_after = v[HT_P_fan_s] * v[HT_P_f_slow_Hz];
 }
 
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
@@ -351,12 +372,14 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->sets.least_A2 = c->control.leg_loss.zero_A * c->control.leg_loss.zero_A;
     c->lxy_gain = 1.0f / (1.0f + LXY_S * v[HT_P_f_slow_Hz]);
     c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
+    c->built = HEAT_BUILT * BUILD_ADAPT_S * v[HT_P_f_slow_Hz];
     c->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
     c->adapt_gain = adaptation_gain(v, v[HT_P_adapt_s]);
     c->flux_gain = adaptation_gain(v, v[HT_P_adapt_psi_f_s]);
     apply_protection(v, &c->protect);
     ht_excitation_configure(&c->params, &c->excitation);
     ht_short_circuit_configure(&c->params, &c->short_circuit);
+    configure_outputs(v, &c->outputs);
 }
 
 ht_result ht_configure(const ht_port *port, ht_drive_config *c, ht_pwm_setup *setup)

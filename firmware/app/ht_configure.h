@@ -10,6 +10,7 @@
 #include "ht_excitation.h"
 #include "ht_heat.h"
 #include "ht_least_loss.h"
+#include "ht_outputs.h"
 #include "ht_params.h"
 #include "ht_protect.h"
 #include "ht_ramp.h"
@@ -43,10 +44,12 @@ typedef struct {
     float adapt_gain; /**< of the resistances, per slow interrupt */
     float build_gain; /**< the same during the build-up */
     float flux_gain;  /**< of the magnets' flux */
+    float built;      /**< slow interrupts of a build-up whose R_s tells something */
     ht_params params; /**< the parameters that all this is derived from */
     ht_excitation_config excitation;
     ht_alignment_config alignment; /**< of a rotor with magnets */
     ht_short_circuit_config short_circuit;
+    ht_outputs_config outputs;
 } ht_drive_config;
 
 /** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,

@@ -129,9 +129,19 @@ HT_SELDOM static uint16_t by_comparator(const ht_drive *d)
     return (uint16_t)faults;
 }
 
+/* Nothing holds the shaft any more. */
+static void close_brake(ht_drive *d)
+{
+    if ((d->outputs.on & (uint16_t)HT_OUT_BRAKE) != 0u) {
+        d->outputs.on &= (uint16_t)~(unsigned)HT_OUT_BRAKE;
+        ht_port_outputs(d->port, d->outputs.on);
+    }
+}
+
 static void fault(ht_drive *d, uint32_t bits)
 {
     ht_port_gates_off(d->port);
+    close_brake(d);
     if (d->state != (uint16_t)HT_STATE_FAULT) {
         bool by_hardware = (bits & (uint32_t)HT_FAULT_EXTERNAL) != 0u;
         if ((bits & ((uint32_t)HT_FAULT_OVERCURRENT | (uint32_t)HT_FAULT_VDC_HIGH)) != 0u) {
@@ -174,6 +184,7 @@ void ht_drive_stand_in(ht_drive *d, uint32_t bits)
     uint16_t state = d->state;
     d->state = (uint16_t)HT_STATE_FAULT; /* first, as in ht_drive_stop */
     take_gates_off(d);
+    close_brake(d);
     if (staged != NULL) {
         d->config = staged;
         d->taken_tick = d->tick;
@@ -437,6 +448,10 @@ static void begin_flux(ht_drive *d)
         ht_control_catch_begin(&d->config->control, &d->control, &d->in.i_A);
     } else {
         ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
+        if (d->config->heat.rs_tells != (uint16_t)HT_RS_TELLS_NOTHING) {
+            ht_observer_begin_with(&d->config->control.observer, &d->control.observer,
+                                   ht_heat_rs_ohm(&d->config->heat, &d->heat));
+        }
     }
 }
 
@@ -912,6 +927,9 @@ ht_result ht_drive_start(ht_drive *d)
     if (ht_drive_restart_wait(d) != 0u) {
         return HT_ERROR_RESTART;
     }
+    if (!ht_outputs_charged(&ht_config_in_force(d)->outputs, &d->outputs)) {
+        return HT_ERROR_CHARGE;
+    }
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_sum[leg] = 0u;
         d->offset_counts[leg] = (float)HT_ADC_MID;
@@ -930,6 +948,7 @@ void ht_drive_stop(ht_drive *d)
         d->state = (uint16_t)HT_STATE_IDLE;
     }
     take_gates_off(d);
+    close_brake(d);
 }
 
 ht_result ht_drive_clear(ht_drive *d)

@@ -141,6 +141,7 @@ typedef struct {
     uint16_t heat_warnings;    /**< the slow interrupt's own: it must not write `warnings` */
     ht_set_difference sets;    /**< learnt; a stop does not forget it */
     ht_heat_state heat;        /**< nothing but a reset forgets it */
+    float built;               /**< slow interrupts of a build-up that adapted R_s */
     float heat_share;          /**< of the torque limit, that the winding's temperature leaves */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
@@ -162,6 +163,7 @@ typedef struct {
     /* Of the slow interrupt, out of the fast one's way. */
     uint32_t limit_from[HT_LIMITS]; /**< tick at which each limit began to act, the latest time */
     uint32_t limit_to[HT_LIMITS];   /**< and at which it was last seen to */
+    ht_outputs_state outputs;       /**< a fault closes the brake in the fast one all the same */
     uint16_t torque_limited_by;     /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
 } ht_drive;
 

@@ -151,6 +151,9 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     d->warnings = 0u;
     d->heat_warnings = 0u;
     d->heat_share = 1.0f;
+    d->built = 0.0f;
+    ht_outputs_reset(&d->outputs);
+    ht_port_outputs(port, 0u);
     ht_heat_reset(&d->heat);
     d->snapshot.tick = 0u;
     d->end_counts = 0u;

@@ -132,21 +132,26 @@ static ht_limit torque_limit(const ht_drive *d, const ht_drive_config *c, float 
     return limit;
 }
 
+/* |i_q/i_d| of the reference */
+static float load_of(const ht_drive *d, const ht_drive_config *c)
+{
+    float psi = d->flux_ramp_Wb;
+    return fabsf(d->torque_ref_Nm) * c->protect.ls_H
+           / (c->control.observer.torque_gain * psi * psi);
+}
+
 /* Where load and speed make the flux stand still, R_r cannot be observed, and a drive with a wrong
  * R_r may settle at that very point: more flux, less slip, standstill of the flux. A little less
  * flux gives more slip, and the flux turns again. */
 static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
-    float psi = d->flux_ramp_Wb;
-    /* i_q/i_d of the reference */
-    float load = d->torque_ref_Nm * c->protect.ls_H / (c->control.observer.torque_gain * psi * psi);
     float size;
     d->omega_mean_rad_s += c->omega_mean_gain
                            * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
     size = (d->omega_mean_rad_s < 0.0f) ? -d->omega_mean_rad_s : d->omega_mean_rad_s;
     if ((c->control.observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
-        || ((load < LOWER_LOAD) && (load > -LOWER_LOAD)) || (size > TURNING_RAD_S)) {
+        || (load_of(d, c) < LOWER_LOAD) || (size > TURNING_RAD_S)) {
         d->flux_lowered = 0u;
     } else if (size < STANDING_RAD_S) {
         d->flux_lowered = 1u;
@@ -262,6 +267,7 @@ static unsigned follow_build(ht_drive *d, const ht_drive_config *c)
     if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)
         && (d->off_legs == 0u)) {
         ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
+        d->built += 1.0f;
     }
     return turning_unnoticed(d, c);
 }
@@ -379,6 +385,8 @@ static void follow_reference(ht_drive *d, const ht_drive_config *c)
     float most_Nm;
     unsigned nearer;
     unsigned acts = vdc_acts;
+    ht_brake brake = ht_outputs_brake(&c->outputs, &d->outputs, d->control.estimate.torque_Nm,
+                                      v[HT_P_motion] == (float)HT_MOTION_FOLLOW);
     d->torque_least_Nm =
         -((negative_Nm > 0.0f) ? smaller(d->torque_limit_Nm, negative_Nm) : d->torque_limit_Nm);
     nearer = limit_torque(d, v, &least_Nm, &most_Nm);
@@ -389,7 +397,17 @@ static void follow_reference(ht_drive *d, const ht_drive_config *c)
     if (vdc_acts != 0u) {
         ht_speed_follow(&d->speed, d->in.torque_ref_Nm); /* the regulator goes on from there */
     }
-    if ((v[HT_P_control_mode] != 0.0f) && (v[HT_P_motion] == (float)HT_MOTION_FOLLOW)) {
+    if (brake == HT_BRAKE_BUILDS) {
+        d->torque_ref_Nm = ht_between(c->outputs.hold_Nm, least_Nm, most_Nm);
+        ht_ramp_reset(&d->ramp, d->speed_rpm);
+        ht_speed_follow(&d->speed, d->torque_ref_Nm);
+        acts |= (unsigned)HT_LIMIT_BRAKE;
+    } else if (brake != HT_BRAKE_OPEN) { /* it moves: stand still */
+        float error = -d->speed_rpm * (PI_F / 30.0f);
+        ht_ramp_reset(&d->ramp, 0.0f);
+        d->torque_ref_Nm = ht_speed_step(&c->speed, &d->speed, error, least_Nm, most_Nm);
+        acts |= (unsigned)HT_LIMIT_BRAKE;
+    } else if ((v[HT_P_control_mode] != 0.0f) && (v[HT_P_motion] == (float)HT_MOTION_FOLLOW)) {
         d->torque_ref_Nm = ht_between(v[HT_P_torque_ref_Nm], least_Nm, most_Nm);
         d->motion = (uint16_t)HT_MOTION_FOLLOW;
         ht_ramp_reset(&d->ramp, d->speed_rpm);
@@ -406,15 +424,17 @@ static void follow_reference(ht_drive *d, const ht_drive_config *c)
     note_limits(d, acts);
 }
 
-/* A stop is over when the shaft stands as for a start, or when its time is. Then the gates go off, as at a
+/* A stop is over when the shaft stands as for a start and the brake holds it, or when its time is. Then the gates go off, as at a
  * command of the background. */
-static void come_to_a_stop(ht_drive *d, const float *v)
+static void come_to_a_stop(ht_drive *d, const ht_drive_config *c)
 {
+    const float *v = c->params.v;
     if (d->motion == (uint16_t)HT_MOTION_FOLLOW) {
         return;
     }
     d->stop_ticks += 1.0f;
-    if (((d->ramp.speed_rpm == 0.0f) && (fabsf(d->speed_rpm) <= v[HT_P_start_max_rpm]))
+    if (((d->ramp.speed_rpm == 0.0f) && (fabsf(d->speed_rpm) <= v[HT_P_start_max_rpm])
+         && ht_outputs_close(&c->outputs, &d->outputs))
         || (d->stop_ticks >= (v[HT_P_stop_s] * v[HT_P_f_slow_Hz]))) {
         ht_drive_stop(d);
     }
@@ -523,12 +543,42 @@ static float frame_W(const ht_drive *d, const ht_drive_config *c)
            + iron * d->flux_ref_Wb * d->flux_ref_Wb;
 }
 
+/* Speeds of the flux between which the adapted R_s is exact under load. Nearer to standstill R_r is not
+ * observed, and above it the voltage hides R_s. */
+#define TELLS_FROM_RAD_S 10.0f
+#define TELLS_TO_RAD_S 35.0f
+
+/* R_s where it tells the winding's temperature, else 0. An arc counts as a resistance. */
+static float telling_ohm(const ht_drive *d, const ht_drive_config *c)
+{
+    float omega = fabsf(d->omega_mean_rad_s);
+    bool tells = (c->heat.rs_tells != (uint16_t)HT_RS_TELLS_NOTHING)
+                 && (d->state == (uint16_t)HT_STATE_RUN) && (d->off_legs == 0u)
+                 && (omega > TELLS_FROM_RAD_S) && (omega < TELLS_TO_RAD_S)
+                 && (load_of(d, c) > LOWER_LOAD)
+                 && !ht_leg_loss_maybe(&c->control.leg_loss, &d->control.leg_loss);
+    return tells ? ht_observer_adapted_ohm(&c->control.observer, &d->control.observer) : 0.0f;
+}
+
+/* The first slow interrupt after a build-up by direct current: hear what its R_s tells. */
+static void hear_build(ht_drive *d, const ht_drive_config *c)
+{
+    float rs_ohm = ht_observer_adapted_ohm(&c->control.observer, &d->control.observer);
+    if ((d->state == (uint16_t)HT_STATE_RUN) && (d->built > c->built) && (rs_ohm > 0.0f)) {
+        ht_heat_built(&c->heat, &d->heat, rs_ohm);
+    }
+    if (d->state != (uint16_t)HT_STATE_BUILD) {
+        d->built = 0.0f;
+    }
+}
+
 /* The machine cools in every state. Gates that are on need a winding that is not too hot. */
 static void follow_heat(ht_drive *d, const ht_drive_config *c)
 {
     bool powered = (ht_state_flags(d->state) & (unsigned)HT_GATES_ON) != 0u;
     float winding_degC;
-    ht_heat_step(&c->heat, &d->heat, powered, frame_W(d, c));
+    hear_build(d, c);
+    ht_heat_step(&c->heat, &d->heat, powered, frame_W(d, c), telling_ohm(d, c));
     winding_degC = ht_heat_winding_degC(&c->heat, &d->heat);
     d->heat_share = ht_heat_share(&c->heat, winding_degC);
     d->heat_warnings = (d->heat_share < 1.0f) ? (uint16_t)HT_WARNING_WINDING : 0u;
@@ -538,6 +588,31 @@ static void follow_heat(ht_drive *d, const ht_drive_config *c)
 static uint32_t too_hot(const ht_drive *d)
 {
     return (d->heat_share > 0.0f) ? 0u : HT_FAULT_WINDING;
+}
+
+/* The fast interrupt may come in between and find a fault: its brake must not open again. */
+static void switch_outputs(ht_drive *d, const ht_drive_config *c)
+{
+    bool works = ((ht_state_flags(d->state) & (unsigned)HT_AT_WORK) != 0u)
+                 || (d->heat_warnings != 0u);
+    uint16_t on = ht_outputs_step(&c->outputs, &d->outputs, d->in.vdc_V, works);
+    uint16_t others = on;
+    if (d->state != (uint16_t)HT_STATE_RUN) {
+        ht_outputs_drop(&d->outputs);
+    } else if (ht_outputs_lifted(&c->outputs, &d->outputs)) {
+        on |= (uint16_t)HT_OUT_BRAKE;
+    } else {
+        /* the brake is closed */
+    }
+    if (on == d->outputs.on) {
+        return;
+    }
+    d->outputs.on = on;
+    ht_port_outputs(d->port, on);
+    if ((on != others) && (d->state != (uint16_t)HT_STATE_RUN)) {
+        d->outputs.on = others;
+        ht_port_outputs(d->port, others);
+    }
 }
 
 /* Share of the dc link's voltage that magnets induce at least where it tells their flux: dead time and
@@ -573,11 +648,12 @@ void ht_drive_slow_isr(ht_drive *d)
             d->flux_ref_Wb = weakened_Wb(d, c);
             refer_torque(d, c);
         }
-        come_to_a_stop(d, c->params.v);
+        come_to_a_stop(d, c);
     } else {
         if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->control.observer.magnets) {
             faults = follow_build(d, c);
         }
         d->slow_faults = faults | too_hot(d);
     }
+    switch_outputs(d, c);
 }

@@ -221,6 +221,13 @@ float ht_misfit_heat_per_s(const ht_params *p)
            + (1.0f + v[HT_P_frame_K_W] / v[HT_P_winding_K_W]) / v[HT_P_frame_s];
 }
 
+/* Is R_s adapted wherever the machine shows it? */
+static bool learns_rs(const float *v)
+{
+    return (v[HT_P_machine] == 0.0f) && (v[HT_P_observer] == (float)HT_OBSERVER_HYBRID)
+           && (v[HT_P_adapt_s] > 0.0f);
+}
+
 /* What the limits of the dc link demand where there are any. */
 static bool vdc_fits(const ht_params *p, uint16_t misfit)
 {
@@ -240,6 +247,25 @@ static bool vdc_fits(const ht_params *p, uint16_t misfit)
     default:
         result = v[HT_P_vdc_band_V] >= ht_misfit_band_V(p);
         break;
+    }
+    return result;
+}
+
+/* What relay and brake demand. */
+static bool outputs_fit(const float *v, uint16_t misfit)
+{
+    bool result = true;
+    float negative_Nm = v[HT_P_torque_negative_Nm];
+    float most_Nm = v[HT_P_torque_limit_Nm];
+    if (misfit == (uint16_t)HT_MISFIT_PRECHARGE) {
+        result = (v[HT_P_precharge_V] == 0.0f)
+                 || ((v[HT_P_precharge_V] > 1.03f * v[HT_P_vdc_min_V])
+                     && (v[HT_P_precharge_V] < v[HT_P_vdc_max_V]));
+    } else {
+        if ((v[HT_P_brake_Nm] < 0.0f) && (negative_Nm > 0.0f) && (negative_Nm < most_Nm)) {
+            most_Nm = negative_Nm;
+        }
+        result = (v[HT_P_brake_open_s] == 0.0f) || (fabsf(v[HT_P_brake_Nm]) <= most_Nm);
     }
     return result;
 }
@@ -312,6 +338,13 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         break;
     case HT_MISFIT_HEAT_TIMES:
         result = ht_misfit_heat_per_s(p) <= 0.125f * v[HT_P_f_slow_Hz];
+        break;
+    case HT_MISFIT_PRECHARGE:
+    case HT_MISFIT_BRAKE:
+        result = outputs_fit(v, misfit);
+        break;
+    case HT_MISFIT_HEAT_RS:
+        result = (v[HT_P_rs_tells] == 0.0f) || learns_rs(v);
         break;
     case HT_MISFIT_STOP_TIME:
         result = v[HT_P_stop_s] >= ht_misfit_stop_s(p);

@@ -8,7 +8,11 @@
  *    R_s(theta) = R_s (1 + alpha (theta - theta_s))
  *
  *  P_f: losses of rotor and iron. The state holds rises above the ambient, so that zeros are a cold
- *  machine. Steps are as long as the time constants allow: the many small ones of each slow interrupt
+ *  machine.
+ *
+ *  The adapted R_s is a second witness where it is exact. A single one of it cannot tell a warm winding
+ *  from an R_s that was told too small: 1 % of R_s is 2.5 K. So one of the two must be known at a reset.
+ *  What R_s tells is the mean of the parts, weighted by their squared currents: so its drop acts. Steps are as long as the time constants allow: the many small ones of each slow interrupt
  *  would be lost in a float.
  */
 #ifndef HT_HEAT_H
@@ -21,6 +25,12 @@
 /** Change of a copper winding's resistance per kelvin, relative to that at 20 degC. */
 #define HT_COPPER_PPM_K 3930
 #define HT_COPPER_PER_K (1.0e-6f * (float)HT_COPPER_PPM_K)
+/** Copper has no resistance at this temperature, as a straight line through that at 20 degC tells. */
+#define HT_COPPER_ZERO_DEGC (20.0f - 1.0f / HT_COPPER_PER_K)
+
+/** What the adapted R_s tells (parameter `rs_tells`): nothing; the temperature, because rs_ohm is exact;
+ *  or R_s itself, once, while the model has the winding cold, and from then on the temperature. */
+enum { HT_RS_TELLS_NOTHING = 0, HT_RS_TELLS_TEMPERATURE = 1, HT_RS_TELLS_RESISTANCE = 2 };
 
 typedef struct {
     float look_gain;      /**< low pass of a squared current, per look at it */
@@ -30,8 +40,10 @@ typedef struct {
     float frame_per_W_K;  /**< what a watt heats the frame by in a step */
     float frame_per_rise; /**< what the parts' rises above it heat it by, each */
     float to_ambient;     /**< share of its rise that the frame loses in a step */
-    float ohm;            /**< R_s at the ambient temperature */
-    float ohm_per_K;
+    float ohm_per_K;      /**< R_s, as it is told, over its temperature above HT_COPPER_ZERO_DEGC */
+    float ambient_K;      /**< the ambient temperature above that */
+    float settled;        /**< slow interrupts until the adaptation has followed */
+    uint16_t rs_tells;    /**< HT_RS_TELLS_... */
     float ambient_degC;
     float limit_degC; /**< from here on the torque is limited */
     float trip_degC;  /**< and from here on there is none */
@@ -44,13 +56,26 @@ typedef struct {
     float summed; /**< slow interrupts since then */
     float rise_K[HT_LEGS];
     float frame_rise_K;
+    float ohm_per_K; /**< R_s as it was learnt; 0: it has told nothing yet */
+    float told_ohm;  /**< sum of R_s where it tells the temperature, since the latest step */
+    float told;      /**< and how many there are in it */
+    float telling;   /**< slow interrupts without a break for which it could */
 } ht_heat_state;
 
 /** A cold machine. */
 void ht_heat_reset(ht_heat_state *st);
 
-/** Slow interrupt. powered: currents may flow; frame_W: losses of rotor and iron. */
-void ht_heat_step(const ht_heat_config *cfg, ht_heat_state *st, bool powered, float frame_W);
+/** Slow interrupt. powered: currents may flow; frame_W: losses of rotor and iron; rs_ohm: adapted R_s,
+ *  0 where it is not exact. */
+void ht_heat_step(const ht_heat_config *cfg, ht_heat_state *st, bool powered, float frame_W,
+                  float rs_ohm);
+
+/** A build-up by direct current has ended with this R_s. The first one since a reset is believed as it
+ *  is. */
+void ht_heat_built(const ht_heat_config *cfg, ht_heat_state *st, float rs_ohm);
+
+/** R_s at the model's temperatures, mean of the parts. */
+float ht_heat_rs_ohm(const ht_heat_config *cfg, const ht_heat_state *st);
 
 /** Temperature of the hottest part of the winding. */
 float ht_heat_winding_degC(const ht_heat_config *cfg, const ht_heat_state *st);

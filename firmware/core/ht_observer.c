@@ -118,6 +118,18 @@ static void take_ohm(const ht_observer_config *cfg, ht_observer_state *st, float
     st->rs_ohm = ht_between(rs_ohm, ADAPT_LEAST * cfg->rs_ohm, ADAPT_MOST * cfg->rs_ohm);
 }
 
+void ht_observer_begin_with(const ht_observer_config *cfg, ht_observer_state *st, float rs_ohm)
+{
+    take_ohm(cfg, st, rs_ohm);
+}
+
+float ht_observer_adapted_ohm(const ht_observer_config *cfg, const ht_observer_state *st)
+{
+    float rs_ohm = st->rs_ohm;
+    bool within = (rs_ohm > ADAPT_LEAST * cfg->rs_ohm) && (rs_ohm < ADAPT_MOST * cfg->rs_ohm);
+    return within ? rs_ohm : 0.0f;
+}
+
 void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, float gain)
 {
     ht_ab i = st->i_A;

@@ -120,7 +120,13 @@ ht_estimate ht_observer_pull(const ht_observer_config *cfg, ht_observer_state *s
  *  grows with w; therefore adaptation fades out above `ADAPT_RAD_S`. */
 void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, float gain);
 
-/** The same with magnets, R_s alone, where the voltage that they induce is below half of the drop: above
+/** Begin with this R_s, within what the adaptation allows. */
+void ht_observer_begin_with(const ht_observer_config *cfg, ht_observer_state *st, float rs_ohm);
+
+/** R_s as it is adapted; 0 where it has reached a bound of the adaptation. */
+float ht_observer_adapted_ohm(const ht_observer_config *cfg, const ht_observer_state *st);
+
+/** The same as ht_observer_adapt with magnets, R_s alone, where the voltage that they induce is below half of the drop: above
  *  this speed R_s stays as it is, because an error of psi_f would be taken for one of R_s. */
 void ht_observer_adapt_magnet(const ht_observer_config *cfg, ht_observer_state *st, float gain);
 

@@ -35,7 +35,8 @@ enum {
     HT_CALL_COUNTS = 15,         /**< answer, a number */
     HT_CALL_TRIP_LEVELS = 16,    /**< low of each channel, high of each channel */
     HT_CALL_BEYOND = 17,         /**< answer, channels */
-    HT_CALL_SHORT_CIRCUIT = 18
+    HT_CALL_SHORT_CIRCUIT = 18,
+    HT_CALL_OUTPUTS = 19 /**< HT_OUT_... */
 };
 
 /** The hardware's fixed properties. They come with INIT. */

@@ -19,6 +19,7 @@
  *    per leg and is idempotent.
  *  - `ht_port_trip_levels` from the fast interrupt, and from the set-up with all gates off.
  *  - `ht_port_trip_pin_low` from anywhere: one register read.
+ *  - `ht_port_outputs` from anywhere: one register write per output, none of which touches another pin.
  *
  *  Timing: counter = 0 of the PWM starts the conversion of all channels, one after the
  *  other; the end of the last one raises the fast interrupt, so that the results read
@@ -139,6 +140,13 @@ uint16_t ht_port_beyond(const ht_port *port);
 
 /** Is the trip pin low now? While it is, the gates must stay off. */
 bool ht_port_trip_pin_low(const ht_port *port);
+
+/** Outputs, bits: a pin that is high. After a reset and without a right clock all are inputs, which the
+ *  board pulls down: relay open, brake closed, fan off. */
+enum { HT_OUT_PRECHARGE = 1, HT_OUT_BRAKE = 2, HT_OUT_FAN = 4, HT_OUTPUTS = 3 /**< how many */ };
+
+/** These outputs on, the others off. */
+void ht_port_outputs(ht_port *port, uint16_t on);
 
 /** First in the fast interrupt: acknowledge the end of conversion, so that the next one shows. If the
  *  next call does not come within 2.5 periods, the target takes the gates off. */

@@ -141,6 +141,12 @@ void ht_port_short_circuit(ht_port *port)
     port->input.tripped = (uint16_t)HT_ALL_LEGS;
 }
 
+void ht_port_outputs(ht_port *port, uint16_t on)
+{
+    note(port, HT_CALL_OUTPUTS);
+    note(port, on);
+}
+
 void ht_port_leg_off(ht_port *port, uint16_t leg)
 {
     note(port, HT_CALL_LEG_OFF);

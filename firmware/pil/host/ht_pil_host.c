@@ -279,6 +279,9 @@ static bool make_call(ht_link *l, ht_reader *r)
     case HT_CALL_SHORT_CIRCUIT:
         ht_port_short_circuit(&l->port);
         return true;
+    case HT_CALL_OUTPUTS:
+        ht_port_outputs(&l->port, ht_read16(r));
+        return true;
     case HT_CALL_GATES_ON:
         leg = ht_read16(r);
         return ht_port_gates_on(&l->port, leg) == (ht_read16(r) != 0u);

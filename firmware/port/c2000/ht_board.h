@@ -7,6 +7,7 @@
 
 #include "ht_c2000_map.h"
 #include "ht_types.h"
+#include "port.h"
 
 /** GPIO ports that a board's table speaks of. */
 #define HT_PORTS 6
@@ -41,6 +42,8 @@ typedef struct {
      *  time. ADCINA0, A1 and B1 have a pull-down of 50 kohm, B0 a capacitor: not for currents. */
     uint16_t channel[HT_MAP_CHANNELS];
     uint32_t baud; /**< of the link */
+    ht_pin output
+        [HT_OUTPUTS]; /**< precharge relay, brake, fan: high is on. A resistor pulls each down. */
 } ht_board;
 
 /** Comparator subsystem, 1 ... 4, whose positive input is the pin of this channel (below

@@ -13,6 +13,10 @@
 #include "ht_line.h"
 #include "ht_port_c2000.h"
 
+/** Pins of a GPIO port, and words from its levels to the next port's. */
+#define HT_PORT_PINS 32u
+#define HT_PORT_WORDS 8u
+
 /* ht_watchdog.c. Both halves are needed to keep it from resetting the device. */
 
 /** What has reset the chip (ht_reset.h), from flags that are cleared then. A watchdog's flag counts
@@ -57,6 +61,10 @@ void ht_flash_unchecked(ht_port *port);
 void ht_pins_start(ht_port *port);
 /** SCI. */
 void ht_pins_line(ht_port *port);
+/** Outputs high or low (ht_port_outputs). */
+void ht_pins_outputs(ht_port *port, uint16_t on);
+/** From now on their pins are outputs, and low. */
+void ht_pins_start_outputs(ht_port *port);
 /** The PWM's twelve pins. Only with the trip latched: from here on they drive the gates. */
 void ht_pins_pwm(ht_port *port);
 /** The PWM's twelve pins as inputs, as after reset: they drive nothing. */

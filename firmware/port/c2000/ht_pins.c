@@ -11,6 +11,9 @@
 #define GPYPUD 0x0Cu
 #define GPYGMUX1 0x20u /* F28377S: upper two bits of the position */
 #define GPYCTRL 0x00u
+/* From a port's levels. */
+#define GPYSET 0x02u
+#define GPYCLEAR 0x04u
 #define QUALIFY_SYNC 0u
 #define QUALIFY_SIX 2u /* six samples in a row must agree */
 #define QUALIFY_ASYNC 3u
@@ -72,6 +75,31 @@ static void hold_unbonded(ht_port *port)
     }
 }
 
+void ht_pins_outputs(ht_port *port, uint16_t on)
+{
+    uint16_t n;
+    for (n = 0u; n < (uint16_t)HT_OUTPUTS; n++) {
+        uint32_t gpio = port->board->output[n].gpio;
+        uint32_t data = port->map->gpio_data + ((gpio / HT_PORT_PINS) * HT_PORT_WORDS);
+        uint32_t high = (((uint32_t)on >> n) & 1u) != 0u ? GPYSET : GPYCLEAR;
+        HT_WR32(port->io, data + high, (uint32_t)1u << (gpio % HT_PORT_PINS));
+    }
+}
+
+void ht_pins_start_outputs(ht_port *port)
+{
+    uint16_t n;
+    ht_pins_outputs(port, 0u); /* low before they are outputs */
+    HT_EALLOW(port->io);
+    for (n = 0u; n < (uint16_t)HT_OUTPUTS; n++) {
+        const ht_pin *pin = &port->board->output[n];
+        uint32_t bit = (uint32_t)1u << (pin->gpio % HT_PORT_PINS);
+        set_up(port, pin, QUALIFY_SYNC, false);
+        ht_change32(port->io, first_register(port, pin) + GPYDIR, bit, bit);
+    }
+    HT_EDIS(port->io);
+}
+
 void ht_pins_start(ht_port *port)
 {
     const ht_board *board = port->board;
@@ -120,6 +148,11 @@ void ht_pins_release(ht_port *port)
         ht_change32(port->io, first + GPYDIR, bit, 0u);
         ht_change32(port->io, first + GPYPUD, bit, port->board->gates_active_low ? 0u : bit);
         ht_change32(port->io, half_of(first, pin) + GPYMUX1, (uint32_t)3u << shift_of(pin), 0u);
+    }
+    for (n = 0u; n < (uint16_t)HT_OUTPUTS; n++) {
+        const ht_pin *pin = &port->board->output[n];
+        uint32_t bit = (uint32_t)1u << (pin->gpio % HT_PORT_PINS);
+        ht_change32(port->io, first_register(port, pin) + GPYDIR, bit, 0u);
     }
     HT_EDIS(port->io);
 }

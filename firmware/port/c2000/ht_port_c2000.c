@@ -39,6 +39,7 @@ bool ht_board_start(ht_port *port)
     ht_pins_line(port);
     if (port->clock == HT_CLOCK_RIGHT) {
         ht_pins_start(port);
+        ht_pins_start_outputs(port);
         ht_adc_start(port);
         (void)ht_sci_start(port, port->board->baud);
     } else {
@@ -101,4 +102,9 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
 float ht_port_pwm_clock_Hz(const ht_port *port)
 {
     return port->map->pwm_clock_Hz;
+}
+
+void ht_port_outputs(ht_port *port, uint16_t on)
+{
+    ht_pins_outputs(port, on);
 }

@@ -44,8 +44,6 @@
 #define TZ_OST 0x0004u
 #define TZ_INT 0x0001u
 /* GPxDAT: eight words from port to port */
-#define PORT_WORDS 8u
-#define PORT_PINS 32u
 /* Event trigger: every counter = 0 starts a conversion sequence */
 #define ETSEL_SOCA_CTR0 0x0900u
 #define ETPS_SOCA_EVERY 0x0100u
@@ -230,6 +228,6 @@ bool ht_port_trip_pin_low(const ht_port *port)
 {
     /* GPxDAT shows a pin's level whatever its multiplexer makes of it. */
     uint32_t gpio = port->board->trip.gpio;
-    uint32_t data = port->map->gpio_data + ((gpio / PORT_PINS) * PORT_WORDS);
-    return (HT_RD32(port->io, data) & ((uint32_t)1u << (gpio % PORT_PINS))) == 0u;
+    uint32_t data = port->map->gpio_data + ((gpio / HT_PORT_PINS) * HT_PORT_WORDS);
+    return (HT_RD32(port->io, data) & ((uint32_t)1u << (gpio % HT_PORT_PINS))) == 0u;
 }

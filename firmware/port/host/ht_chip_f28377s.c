@@ -227,8 +227,12 @@ static const ht_register gpio_d[] = {PORT("D")};
 static const ht_register gpio_e[] = {PORT("E")};
 static const ht_register gpio_f[] = {PORT("F")};
 
-/* Pins are inputs here, or a peripheral's: what is written has no effect on their level. */
-#define LEVELS(letter) {REG32("GP" letter "DAT", 0x0u, 0xFFFFFFFFu, 0u, HT_READ_ONLY, 0u, 0u, "")}
+/* Of the pins that are no outputs what is written has no effect on their level. The firmware writes only
+ * those that are, as the tests of its pins see. */
+#define LEVELS(letter)                                                              \
+    {REG32("GP" letter "DAT", 0x0u, 0xFFFFFFFFu, 0u, HT_READ_ONLY, 0u, 0u, ""),     \
+     REG32("GP" letter "SET", 0x2u, 0u, 0xFFFFFFFFu, HT_ONES_SET_AT, 0u, 0x0u, ""), \
+     REG32("GP" letter "CLEAR", 0x4u, 0u, 0xFFFFFFFFu, HT_ONES_CLEAR_AT, 0u, 0x0u, "")}
 static const ht_register data_a[] = LEVELS("A");
 static const ht_register data_b[] = LEVELS("B");
 static const ht_register data_c[] = LEVELS("C");

@@ -135,6 +135,18 @@ CASES = {
         {"scheme": "db-ipwm", "lxy_H": 1e-3},
         "f_isr_Hz = 10000 Hz, lxy_H = 0.001 H: allowed is 1.075e+04 Hz and more: the ripple",
     ),
+    "HEAT_RS": (
+        {"rs_tells": "resistance", "observer": "compensated"},
+        "rs_tells = resistance, adapt_s = 1 s: R_s tells something only with an induction machine",
+    ),
+    "PRECHARGE": (
+        {"precharge_V": 154.0},
+        "precharge_V = 154 V, vdc_min_V = 150 V: the level must be 0 (no relay), or above 1.03",
+    ),
+    "BRAKE": (
+        {"brake_open_s": 0.2, "brake_Nm": -6.0, "torque_negative_Nm": 5.0},
+        "brake_Nm = -6 N m, torque_limit_Nm = 15 N m: with a brake (brake_open_s) the torque",
+    ),
 }
 
 

@@ -22,6 +22,8 @@ def make():
         kept.append(Controller("f28377s", MACHINE | values))
         state = ffi.new("ht_heat_state *")
         lib.ht_heat_reset(state)
+        for leg in range(6):
+            state.square_A2[leg] = 1.0
         return ffi.addressof(kept[-1].drive.config.heat), state
 
     return made
@@ -51,12 +53,12 @@ def temperatures(cfg, state):
     return np.append(np.array(list(state.rise_K)), state.frame_rise_K) + cfg.ambient_degC
 
 
-def follow(cfg, state, squares, frame_W, steps, powered=True):
+def follow(cfg, state, squares, frame_W, steps, powered=True, rs_ohm=0.0):
     """Whole steps. In each the means of all its slow interrupts count."""
     for leg in range(6):
         state.square_A2[leg] = squares[leg]
     for _ in range(steps * round(cfg.steps)):
-        lib.ht_heat_step(cfg, state, powered, frame_W)
+        lib.ht_heat_step(cfg, state, powered, frame_W, rs_ohm)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -104,7 +106,7 @@ def test_without_currents_the_machine_cools_and_off_it_is_cold(make):
     assert MACHINE["ambient_degC"] + 1 < warm < hot - 10
     cfg.steps = 0.0
     follow(cfg, state, np.full(6, 30.0), 50.0, 1)
-    lib.ht_heat_step(cfg, state, True, 50.0)
+    lib.ht_heat_step(cfg, state, True, 50.0, 0.0)
     assert list(state.rise_K) == [0.0] * 6 and state.frame_rise_K == 0.0
 
 
@@ -125,3 +127,113 @@ def test_the_torque_falls_from_the_limit_to_the_trip(make):
     assert [lib.ht_heat_share(cfg, degC) for degC in (149.9, 150.1)] == [1, 0]
     cfg.steps = 0.0
     assert lib.ht_heat_share(cfg, 300.0) == 1
+
+
+def told_ohm(values, degC):
+    """R_s of a winding with these parts' temperatures: of copper, as a straight line through 0."""
+    v = MACHINE | values
+    at_20 = v["rs_ohm"] / (1 + COPPER * (v["rs_degC"] - 20))
+    return at_20 * (1 + COPPER * (np.asarray(degC, float) - 20))
+
+
+TRUSTED_K, BUILT_TRUSTED_K = 5.0, 10.0
+
+
+def test_an_exact_resistance_tells_the_temperature_at_the_first_start(make):
+    cfg, state = make(rs_tells="temperature")
+    lib.ht_heat_built(cfg, state, told_ohm({}, 100.0))
+    assert temperatures(cfg, state) == pytest.approx(np.full(7, 100.0), abs=0.01)
+    assert lib.ht_heat_rs_ohm(cfg, state) == pytest.approx(told_ohm({}, 100.0), rel=1e-5)
+    # Later build-ups, whose R_s is less exact than a model that goes on, move it by what is beyond.
+    lib.ht_heat_built(cfg, state, told_ohm({}, 100.0 + 0.9 * BUILT_TRUSTED_K))
+    assert temperatures(cfg, state) == pytest.approx(np.full(7, 100.0), abs=0.01)
+    lib.ht_heat_built(cfg, state, told_ohm({}, 70.0))
+    assert temperatures(cfg, state) == pytest.approx(np.full(7, 70.0 + BUILT_TRUSTED_K), abs=0.02)
+
+
+@pytest.mark.parametrize("wrong", (0.8, 1.25))
+def test_a_cold_start_tells_a_resistance_that_was_told_wrong(make, wrong):
+    """The loss is that of the true R_s from then on, and so is the rise."""
+    cfg, state = make(rs_tells="resistance", rs_ohm=wrong * MACHINE["rs_ohm"])
+    lib.ht_heat_built(cfg, state, told_ohm({}, MACHINE["ambient_degC"]))
+    squares = np.full(6, 12.0)
+    follow(cfg, state, squares, 0.0, 300)
+    expected = reference({}, squares, 0.0, [300 * cfg.steps / 100.0])[-1]
+    assert expected.max() > 70
+    assert temperatures(cfg, state) == pytest.approx(expected, abs=1.0)
+    # And the warm winding's R_s agrees with it: nothing changes.
+    before = temperatures(cfg, state)
+    lib.ht_heat_built(cfg, state, told_ohm({}, expected[:6].mean()))
+    assert np.array_equal(temperatures(cfg, state), before)
+
+
+def test_a_warm_winding_of_unknown_resistance_tells_nothing(make):
+    """80 K of heat and 31 % of R_s are the same reading."""
+    cfg, state = make(rs_tells="resistance")
+    follow(cfg, state, np.full(6, 12.0), 0.0, 100)
+    before = temperatures(cfg, state)
+    assert before[:6].min() > MACHINE["ambient_degC"] + 20
+    lib.ht_heat_built(cfg, state, 1.3 * told_ohm({}, before[0]))
+    assert np.array_equal(temperatures(cfg, state), before) and state.ohm_per_K == 0
+
+
+def test_a_wrong_model_is_corrected_up_to_the_trust_in_the_resistance_and_no_further(make):
+    """The machine's true frame is as warm as that of a machine with twice the resistance to the
+    ambient."""
+    squares, true = np.full(6, 10.0), {"frame_K_W": 2 * MACHINE["frame_K_W"], "frame_s": 1800.0}
+    ends = {}
+    for told in (True, False):
+        cfg, state = make(rs_tells="temperature")
+        lib.ht_heat_built(cfg, state, told_ohm({}, MACHINE["ambient_degC"]))
+        step_s, off = cfg.steps / 100.0, []
+        seconds = step_s * np.arange(1, 3001)
+        for degC in reference(true, squares, 0.0, seconds):
+            follow(cfg, state, squares, 0.0, 1, rs_ohm=told_ohm({}, degC[0]) if told else 0.0)
+            off.append(temperatures(cfg, state)[0] - degC[0])
+        ends[told] = off
+    assert min(ends[False]) < -20
+    # What the wrong model pulls back in the time in which the temperature is followed comes on top.
+    assert -TRUSTED_K - 2 < min(ends[True]) < -TRUSTED_K + 0.5
+
+
+def test_a_resistance_within_its_own_error_leaves_the_model_alone(make):
+    states = []
+    for off_K in (None, 0.8 * TRUSTED_K, -0.8 * TRUSTED_K):
+        cfg, state = make(rs_tells="temperature")
+        lib.ht_heat_built(cfg, state, told_ohm({}, MACHINE["ambient_degC"]))
+        for _ in range(200):
+            degC = temperatures(cfg, state)[0]
+            ohm = 0.0 if off_K is None else told_ohm({}, degC + off_K)
+            follow(cfg, state, np.full(6, 4.0), 0.0, 1, rs_ohm=ohm)  # 0.3 K warmer
+        states.append(temperatures(cfg, state))
+    assert np.array_equal(states[0], states[1]) and np.array_equal(states[0], states[2])
+
+
+def test_a_standing_current_shows_the_parts_that_it_heats(make):
+    """R_s is the power over the square of the current: a cold phase without current is no part of
+    it. A plain mean would take the hot phase for a wrong model."""
+    squares = np.array([36.0, 0, 9.0, 0, 9.0, 0])
+    cfg, state = make(rs_tells="temperature")
+    lib.ht_heat_built(cfg, state, told_ohm({}, MACHINE["ambient_degC"]))
+    follow(cfg, state, squares, 0.0, 300)
+    before = temperatures(cfg, state)
+    shown = (squares * told_ohm({}, before[:6])).sum() / squares.sum()
+    plain = lib.ht_heat_rs_ohm(cfg, state)
+    assert shown / plain > 1.05
+    lib.ht_heat_built(cfg, state, shown)
+    assert np.array_equal(temperatures(cfg, state), before)
+    lib.ht_heat_built(cfg, state, plain)
+    assert temperatures(cfg, state)[0] < before[0] - 3
+
+
+def test_the_adaptation_is_heard_only_after_it_has_followed(make):
+    cfg, state = make(rs_tells="temperature", adapt_s=0.5)
+    lib.ht_heat_built(cfg, state, told_ohm({}, MACHINE["ambient_degC"]))
+    slow = round(5.9 * 0.5 * 100)  # e^-6 of 100 K is far below the trust in it
+    for _ in range(20):  # each gap begins the wait anew
+        for k in range(slow):
+            lib.ht_heat_step(cfg, state, False, 0.0, told_ohm({}, 150.0) if k else 0.0)
+    assert temperatures(cfg, state).max() < MACHINE["ambient_degC"] + 0.01
+    for _ in range(4 * slow):
+        lib.ht_heat_step(cfg, state, False, 0.0, told_ohm({}, 150.0))
+    assert temperatures(cfg, state).min() > MACHINE["ambient_degC"] + 30

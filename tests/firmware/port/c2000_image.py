@@ -132,10 +132,12 @@ def _pins(title: str, value: int) -> str:
     """What a register of a GPIO port says about its pins, as far as it is not 0."""
     port, kind = re.fullmatch(r"GPIO\.GP(.)(\w+)", title).groups()
     first = 32 * (ord(port) - ord("A"))
-    if kind in ("DIR", "PUD"):
-        want = 0 if kind == "PUD" else 1
+    if kind in ("DIR", "PUD", "DAT"):
+        want = 1 if kind == "DIR" else 0
         pins = [first + n for n in range(32) if value >> n & 1 == want]
-        return " ".join([{"DIR": "outputs:", "PUD": "pull-ups:"}[kind], *map(str, pins)])
+        return " ".join(
+            [{"DIR": "outputs:", "PUD": "pull-ups:", "DAT": "low:"}[kind], *map(str, pins)]
+        )
     if kind == "CTRL":  # sampling period of eight pins each
         periods = [(first + 8 * n, value >> 8 * n & 0xFF) for n in range(4)]
         return " ".join(f"GPIO{pin}..{pin + 7}: {2 * n} clocks" for pin, n in periods if n)

@@ -451,7 +451,9 @@ def test_no_gate_of_the_launchpad_is_on_its_leds():
     pins = [board.pwm[n].gpio for n in range(12)]
     assert not {12, 13} & set(pins)
     others = (board.trip, board.encoder_a, board.encoder_b, board.receive, board.transmit)
-    assert len(set(pins) | {pin.gpio for pin in others}) == 12 + 5
+    outputs = [pin.gpio for pin in board.output]
+    assert len({*pins, *(pin.gpio for pin in others), *outputs}) == 12 + 5 + 3
+    assert not {12, 13} & set(outputs)
 
 
 @pytest.mark.parametrize("name", ("f28335", "f28377s", "launchxl_f28377s"))
@@ -494,3 +496,44 @@ def test_pins_that_end_in_the_package_are_pulled_up(name):
     elif name == "f28377s":
         assert up == {20, 21, 28, 29}
     assert started.rf.violations == 0
+
+
+#: Levels of port A, distance to the next port's.
+LEVELS = {"f28335": (0x6FC0, 8), "f28377s": (0x7F00, 8), "launchxl_f28377s": (0x7F00, 8)}
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_outputs_are_inputs_until_the_start_makes_them_low(name):
+    """An input is what the board's resistor makes of it: relay open, brake closed, fan off. Then
+    each bit moves its own pin and no other."""
+    started = Started.__new__(Started)
+    started.name, started.rf = name, ffi.new("ht_regfile *")
+    board = getattr(lib, f"ht_board_{name}")
+    lib.ht_regfile_reset(started.rf, board.map)
+    pins = [pin.gpio for pin in board.output]
+    assert not any(started.pin(gpio)[3] or started.pin(gpio)[0] for gpio in pins)
+    started = Started(name)
+    first, stride = LEVELS[name]
+
+    def levels():
+        return {
+            gpio for gpio in range(96)
+            if started.long(first + gpio // 32 * stride) >> gpio % 32 & 1
+        }  # fmt: skip
+
+    idle = levels()
+    for gpio in pins:
+        mux, _, pulled_up, output = started.pin(gpio)
+        assert (mux, pulled_up, output) == (0, False, True)
+        assert gpio not in idle
+    for bits in range(8):
+        lib.ht_port_outputs(started.port, bits)
+        assert levels() - idle == {gpio for n, gpio in enumerate(pins) if bits >> n & 1}
+        assert idle <= levels()
+    assert (lib.HT_OUT_PRECHARGE, lib.HT_OUT_BRAKE, lib.HT_OUT_FAN) == (1, 2, 4)
+    # A debugger starts the image anew: the pins are inputs before anything else is set up.
+    lib.ht_pins_release(started.port)
+    assert not any(started.pin(gpio)[3] for gpio in pins)
+    lib.ht_board_start(started.port)
+    assert levels() == idle and all(started.pin(gpio)[3] for gpio in pins)
+    assert not started.rf.violations

@@ -30,6 +30,25 @@ def copper_W(setup, torque_Nm):
     return 3 * (p.rs_ohm + np.mean(p.drs_ohm)) * current_A**2 * 1.39
 
 
+def resistance_told(name, wrong):
+    """R_s as it is told to the drive, so many times the true one."""
+    return {"controller.rs_ohm": wrong * load(name).parameter("rs_ohm")}
+
+
+def duty_cycle(sim, name, seconds=2.0):
+    """Errors of the temperature every quarter of a second, and the highest true one."""
+    torque_Nm, speed_rpm = rated(name)
+    sim.set("speed_ref_rpm", speed_rpm)
+    off, highest = [], 0.0
+    for share in (1.0, 0.2, 1.2, 0.5, 1.0, 0.0):
+        sim.load_Nm = share * torque_Nm
+        for _ in range(round(seconds / 0.25)):
+            sim.run(0.25, record=False)
+            off.append(compared(sim))
+            highest = max(highest, sim.bodies.winding_degC.max())
+    return np.array(off), highest
+
+
 def drive(name, scheme, torque_Nm, **changes):
     """A running drive whose machine reaches `RISES_K` at this torque."""
     latency = "predicted" if firmware.needs_prediction(scheme) else load(name)["timing.latency"]
@@ -65,20 +84,117 @@ def compared(sim):
 
 @pytest.mark.parametrize(("name", "scheme"), part(CASES, 4))
 def test_over_a_duty_cycle_the_winding_is_known_and_nothing_acts(name, scheme):
-    torque_Nm, speed_rpm = rated(name)
-    sim = drive(name, scheme, torque_Nm)
-    sim.set("speed_ref_rpm", speed_rpm)
-    off, highest = [], 0.0
-    for share in (1.0, 0.2, 1.2, 0.5, 1.0, 0.0):
-        sim.load_Nm = share * torque_Nm
-        for _ in range(8):
-            sim.run(0.25, record=False)
-            off.append(compared(sim))
-            highest = max(highest, sim.bodies.winding_degC.max())
+    sim = drive(name, scheme, rated(name)[0])
+    off, highest = duty_cycle(sim, name)
     assert (sim.state, sim.faults) == ("run", [])
     assert sim.controller.drive.heat_warnings == 0
     assert 50 < highest < 130, highest
-    assert np.abs(off).max() < 5.0, (np.min(off), np.max(off), highest)
+    assert np.abs(off).max() < 5.0, (off.min(), off.max(), highest)
+
+
+#: The machines whose R_s is adapted.
+ADAPTED = [(n, s, w) for n in SETUPS[:2] for s in ("ddr", "db-dtfc", "foc") for w in (0.8, 1.2)]
+
+
+@pytest.mark.parametrize(("name", "scheme", "wrong"), part(ADAPTED, 3))
+def test_over_a_duty_cycle_the_winding_is_known_although_its_resistance_was_told_wrong(
+    name, scheme, wrong
+):
+    """The loss of a wrong R_s is as wrong, and so is the rise. A cold start tells the true one."""
+    told = resistance_told(name, wrong)
+    sim = drive(name, scheme, rated(name)[0], **told, **{"controller.rs_tells": "resistance"})
+    off, highest = duty_cycle(sim, name)
+    assert (sim.state, sim.faults) == ("run", [])
+    assert sim.controller.drive.heat_warnings == 0
+    assert 100 < highest < 130
+    assert np.abs(off).max() < 5.0, (off.min(), off.max(), highest)
+
+
+def test_what_a_wrong_resistance_makes_of_the_temperature_where_nothing_is_learnt():
+    name = "paper-a-feasible"
+    sim = drive(name, "db-dtfc", rated(name)[0], **resistance_told(name, 0.8))
+    off, highest = duty_cycle(sim, name)
+    rise_K = highest - HEAT["ambient_degC"]
+    assert -0.3 * rise_K < off.min() < -0.15 * rise_K, (off.min(), highest)
+
+
+def rated_then_overload(name, wrong, tells):
+    """The drive, and the highest temperature of its winding until it trips or passes its class."""
+    torque_Nm, speed_rpm = rated(name)
+    over_Nm = 1.5 * torque_Nm
+    sim = drive(
+        name, "db-dtfc", torque_Nm, **resistance_told(name, wrong), **{
+            "controller.torque_limit_Nm": 1.1 * over_Nm, "heat.frame_s": 300.0,
+            "controller.winding_trip_degC": CLASS_DEGC - 10,
+            "controller.winding_limit_degC": CLASS_DEGC - 10, "controller.rs_tells": tells,
+        },
+    )  # fmt: skip
+    sim.set("speed_ref_rpm", speed_rpm)
+    sim.load_Nm = torque_Nm
+    sim.run(8.0, record=False)
+    healthy = sim.state == "run"
+    sim.load_Nm = over_Nm
+    highest = 0.0
+    for _ in range(300):
+        highest = max(highest, sim.bodies.winding_degC.max())
+        if sim.state != "run" or highest > CLASS_DEGC:
+            break
+        sim.run(0.04, record=False)
+    return sim, healthy, highest
+
+
+@pytest.mark.parametrize("wrong", (0.8, 1.2))
+@pytest.mark.parametrize("name", ("paper-a-feasible", "paper-b", "small-2kw"))
+def test_an_overload_trips_in_time_although_the_resistance_was_told_wrong(name, wrong):
+    """And no rated load does."""
+    sim, healthy, highest = rated_then_overload(name, wrong, "resistance")
+    assert healthy and sim.faults == [HOT]
+    assert CLASS_DEGC - 18 < highest < CLASS_DEGC, highest
+
+
+def test_where_nothing_is_learnt_a_wrong_resistance_is_a_winding_too_hot_or_a_trip_for_nothing():
+    name = "paper-a-feasible"
+    sim, healthy, highest = rated_then_overload(name, 0.8, "nothing")
+    assert healthy and sim.state == "run" and highest > CLASS_DEGC
+    sim, healthy, _ = rated_then_overload(name, 1.25, "nothing")
+    assert not healthy and sim.faults == [HOT]
+
+
+@pytest.mark.parametrize("name", ("paper-a-feasible", "paper-b"))
+def test_after_a_reset_of_a_hot_machine_an_exact_resistance_tells_its_temperature(name):
+    off = {}
+    for tells in ("temperature", "nothing"):
+        changes = {"heat.time_lapse": 5.0, "controller.rs_tells": tells}
+        sim = drive(name, "db-dtfc", rated(name)[0], **changes)
+        sim.stop()
+        sim.run(0.5, record=False)
+        heat = sim.controller.drive.heat
+        firmware.lib.ht_heat_reset(firmware.ffi.addressof(sim.controller.drive, "heat"))
+        assert heat.rise_K[0] == heat.ohm_per_K == 0
+        sim.bodies.winding_degC[:] = sim.bodies.frame_degC = 100.0
+        start(sim)
+        sim.run(0.05, record=False)
+        off[tells] = abs(compared(sim))
+    assert off["nothing"] > 60
+    assert off["temperature"] < 10, off  # a build-up of 0.3 s
+
+
+def test_a_run_at_low_speed_corrects_a_model_that_is_told_half_of_the_thermal_resistance():
+    name = "paper-a-feasible"
+    torque_Nm, _ = rated(name)
+    end = {}
+    for tells in ("resistance", "nothing"):
+        sim = drive(
+            name, "db-dtfc", torque_Nm,
+            **{"controller.rs_tells": tells, "heat.time_lapse": 10.0},
+        )  # fmt: skip
+        sim.set("winding_K_W", 0.5 * sim.get("winding_K_W"))
+        sim.set("speed_ref_rpm", 18 / sim.get("pole_pairs") * 30 / np.pi)
+        sim.load_Nm = 0.9 * torque_Nm
+        sim.run(24.0, record=False)
+        end[tells] = compared(sim)
+    assert end["nothing"] < -20
+    assert -10 < end["resistance"] < 0, end
 
 
 @pytest.mark.parametrize("name", ("paper-a-feasible", "magnet-surface", "small-2kw"))

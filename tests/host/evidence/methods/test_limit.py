@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from hexatorque import setups
 from hexatorque.errors import InputError
@@ -13,7 +14,7 @@ from hexatorque.evidence.methods import bench, carrier, limit
 from hexatorque.evidence.methods.methods import variants
 from hexatorque.evidence.methods.places import TWENTY, Place
 from hexatorque.evidence.studies import limit as study
-from hexatorque.plant.vsd import INVERSE, SETS, TRANSFORM
+from hexatorque.plant.vsd import ANGLES_RAD, INVERSE, SETS, TRANSFORM
 
 PLACE = TWENTY[6]  # paper A's machine at 0.5 V_dc
 STEPS = 20_000
@@ -169,6 +170,64 @@ def test_the_front_is_in_inverse_proportion_to_the_switching_frequency(front, mo
     twice = limit.front(PLACE.base, PLACE, 6e3, 0.6, quick=True)[0].ripple
     assert 2 * twice.td_Nm == pytest.approx(front[0].ripple.td_Nm)
     assert 2 * twice.thd_inf_pct == pytest.approx(front[0].ripple.thd_inf_pct, rel=0.02)
+
+
+def whole_period_thd_pct(pulses, starts):
+    """The least distortion of patterns over a whole fundamental that were found, and their f_sw:
+    all legs alike, mirrored after half a period, so the first half of one leg's edges is free.
+    Nothing stands still here; the ripple is what remains without the fundamental."""
+    setup, flux_Wb = PLACE.base, 0.6
+    at = carrier.steady_state(setup, PLACE, flux_Wb)
+    vdc_V, f1_Hz = setup["inverter.vdc_V"], abs(at.omega_rad_s) / (2 * np.pi)
+    m_pu = abs(at.v_V) / vdc_V
+    rows = carrier.ripple_rows(setup, at, np.ones(1))[0][:4]
+    weights = np.repeat((rows.T @ rows)[0], 2 * pulses)
+    later = ANGLES_RAD[:, None] / (2 * np.pi)
+    signs = (-1.0) ** np.arange(pulses)
+    both = np.tile([*signs, *-signs], 6) * weights
+    order = np.diff(np.eye(pulses), axis=0)  # also: the last edge comes before the mirrored first
+    order = np.vstack([order, np.eye(pulses)[0] - np.eye(pulses)[-1]])
+    room = np.append(np.zeros(pulses - 1), 0.5)
+
+    def fundamental(x):
+        turned = 2 * signs * np.exp(-2j * np.pi * x) / np.pi
+        total = turned.sum()
+        return abs(total), (-2j * np.pi * turned * total.conjugate()).real / abs(total)
+
+    def ripple_A2(x):
+        apart = x[:, None] - (np.concatenate([x, x + 0.5]) + later).ravel()
+        apart -= np.floor(apart)
+        y = apart * (1 - apart)
+        pairs = both * signs[:, None]
+        size, by_x = fundamental(x)
+        known = (at.per_H / (2 * np.pi)) ** 2
+        value = -0.5 * (pairs * y * y).sum() - known * size**2
+        slopes = -2 * (pairs * y * (1 - 2 * apart)).sum(axis=1) - 2 * known * size * by_x
+        return 50 * value, 50 * slopes
+
+    rng, found = np.random.default_rng(7), []
+    for _ in range(starts):
+        at_x = (np.arange(pulses) + 0.5) * 0.5 / pulses
+        wave = m_pu * np.sin(2 * np.pi * (at_x + rng.random())) + rng.normal(0, 0.08, pulses)
+        done = minimize(
+            ripple_A2, np.sort(at_x - signs * wave * 0.5 / pulses), jac=True, method="SLSQP",
+            constraints=[
+                {"type": "eq", "fun": lambda x: fundamental(x)[0] - m_pu,
+                 "jac": lambda x: fundamental(x)[1]},
+                {"type": "ineq", "fun": lambda x: order @ x + room, "jac": lambda x: order},
+            ], options={"maxiter": 300, "ftol": 1e-9},
+        )  # fmt: skip
+        if abs(fundamental(done.x)[0] - m_pu) < 1e-6 and (order @ done.x + room).min() > -1e-9:
+            found.append(done.fun / 50)
+    return 100 * math.sqrt(min(found)) * vdc_V / f1_Hz / abs(at.i_A), pulses * f1_Hz
+
+
+def test_patterns_over_a_whole_fundamental_come_to_the_limit(front):
+    """Another model and another search: with eleven pulses of a leg in a fundamental the best that
+    is found is the limit, within what the turning voltage makes of so few pulses."""
+    thd_pct, f_sw_Hz = whole_period_thd_pct(11, 40)
+    least_pct = front[0].ripple.thd_inf_pct * 3e3 / f_sw_Hz
+    assert thd_pct == pytest.approx(least_pct, rel=0.05)
 
 
 def test_sharing_the_switching_out_is_never_worse_than_an_equal_one(monkeypatch):

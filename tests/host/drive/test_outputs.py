@@ -1,0 +1,176 @@
+"""Brake, precharge and fan of a running drive, with a load that hangs."""
+
+import numpy as np
+import pytest
+
+from hexatorque import SimulatedDrive, firmware, load
+from hexatorque.errors import InputError
+
+NAME = "paper-a-feasible"
+OPEN_S, CLOSE_S = 0.1, 0.15
+BRAKE = firmware.lib.HT_OUT_BRAKE
+SHARE = 0.6  # of rated torque hangs on the shaft
+WORK_MS = 1e-3
+
+
+class Hoist:
+    """A drive whose shaft a brake holds. It opens in OPEN_S and closes in CLOSE_S."""
+
+    def __init__(self, **changes):
+        setup = load(NAME)
+        self.load_Nm = SHARE * setup["rated.torque_Nm"]
+        brake = {
+            "brake_open_s": OPEN_S, "brake_close_s": CLOSE_S, "brake_Nm": self.load_Nm,
+        } | changes  # fmt: skip
+        paths = {f"controller.{key}": value for key, value in brake.items()}
+        self.sim = SimulatedDrive(
+            setup.changed({"controller.scheme": "ddr", "load.kind": "constant", **paths}), 1
+        )
+        self.sim.load_Nm = self.load_Nm
+        self.moved_for = 0.0  # how far the brake has opened, s
+        self.held, self.lowest_rpm, self.highest_rpm = True, 0.0, 0.0
+
+    @property
+    def told_open(self):
+        return bool(int(self.sim.controller.channel("outputs")) & BRAKE)
+
+    def run(self, seconds):
+        for _ in range(round(seconds / WORK_MS)):
+            if self.held:
+                self.sim.plant_state[6] = 0.0
+            self.sim.run(WORK_MS, record=False)
+            rate = 1 / OPEN_S if self.told_open else -1 / CLOSE_S
+            self.moved_for = min(max(self.moved_for + rate * WORK_MS, 0.0), 1.0)
+            # Friction gives way when the brake is half open.
+            self.held = self.moved_for < 0.5
+            rpm = 0.0 if self.held else self.sim.plant_state[6] * 30 / np.pi
+            self.lowest_rpm = min(self.lowest_rpm, rpm)
+            self.highest_rpm = max(self.highest_rpm, rpm)
+
+
+def started(**changes):
+    hoist = Hoist(**changes)
+    hoist.sim.set("speed_ref_rpm", 100)
+    hoist.sim.start()
+    hoist.run(0.36)
+    while hoist.sim.state == "build":
+        hoist.run(0.01)
+    return hoist
+
+
+def test_a_hanging_load_neither_falls_nor_jumps():
+    hoist = started()
+    assert not hoist.told_open, "there is flux, and no torque yet"
+    hoist.run(0.02)
+    assert int(hoist.sim.controller.channel("limits")) & firmware.lib.HT_LIMIT_BRAKE
+    hoist.run(0.6)
+    assert hoist.sim.state == "run" and hoist.told_open and not hoist.held
+    assert hoist.lowest_rpm > -6, hoist.lowest_rpm
+    assert abs(hoist.sim.controller.channel("speed_rpm") - 100) < 8
+    assert not int(hoist.sim.controller.channel("limits")) & firmware.lib.HT_LIMIT_BRAKE
+    # Stop: the shaft stands, the brake closes, and only then does the torque go.
+    hoist.sim.set("motion", "quick-stop")
+    while hoist.told_open:
+        hoist.run(0.002)
+    hoist.lowest_rpm = hoist.highest_rpm = 0.0
+    hoist.run(0.8 * CLOSE_S)
+    assert hoist.sim.state == "run" and hoist.held, "held by both"
+    hoist.run(0.4 * CLOSE_S)
+    assert hoist.sim.state == "idle"
+    hoist.run(0.2)
+    # It did not fall, and what it still turned as the brake began to close is a shaft that stands.
+    assert hoist.lowest_rpm > -12
+    assert hoist.highest_rpm < hoist.sim.get("start_max_rpm")
+
+
+def test_what_the_torque_before_the_release_is_for():
+    """Without it the load falls until the regulator has found its torque."""
+    assert started(brake_Nm=0.0).sim.state == "run"
+    fell = started(brake_Nm=0.0)
+    fell.run(0.4)
+    assert fell.lowest_rpm < -15, fell.lowest_rpm
+
+
+@pytest.mark.parametrize("end", ("trip", "stop"))
+def test_what_takes_the_gates_off_closes_the_brake_at_once(end):
+    hoist = started()
+    hoist.run(0.5)
+    assert hoist.told_open
+    sim = hoist.sim
+    hoist.run(0.004)  # the slow interrupt has just been
+    drive = sim.controller.drive
+    assert 10 < drive.tick - drive.tick_last < 90
+    gpio = sim.controller.port.board.output[1].gpio
+    words = sim.controller.register_words()
+
+    def level():
+        address = 0x6FC0 if sim.setup["timing.device"] == "f28335" else 0x7F00
+        address += gpio // 32 * 8
+        return (int(words[address]) | int(words[address + 1]) << 16) >> gpio % 32 & 1
+
+    assert level() == 1
+    if end == "trip":
+        sim.controller.set_trip_pin(0)
+        sim.run(2 * sim.period_s, record=False)  # no slow interrupt in between
+        assert sim.state == "fault"
+    else:
+        sim.stop()
+    assert level() == 0 and not hoist.told_open
+    sim.run(0.1, record=False)
+    assert level() == 0
+
+
+def test_in_torque_mode_the_brake_opens_as_well_and_a_reference_waits_for_it():
+    hoist = started(control_mode="torque", torque_ref_Nm=0.0)
+    hoist.run(0.02)
+    assert abs(hoist.sim.controller.channel("torque_ref_Nm") - hoist.load_Nm) < 1e-3
+    hoist.run(0.08)
+    assert hoist.told_open
+    hoist.sim.set("torque_ref_Nm", hoist.load_Nm)
+    hoist.run(0.3)
+    assert hoist.sim.controller.channel("torque_ref_Nm") == pytest.approx(hoist.load_Nm)
+    assert abs(hoist.sim.controller.channel("speed_rpm")) < 12
+
+
+def test_a_link_that_is_not_charged_refuses_the_start_and_one_that_is_does_not():
+    setup = load(NAME)
+    volts = setup["inverter.vdc_V"]
+    sim = SimulatedDrive(setup.changed({"controller.precharge_V": 0.8 * volts}))
+    sim.set("vdc_V", 0.5 * volts)
+    sim.run(0.5, record=False)
+    with pytest.raises(InputError, match="not charged"):
+        sim.start()
+    sim.set("vdc_V", volts)
+    sim.run(0.25, record=False)
+    assert sim.controller.channel("outputs") == firmware.lib.HT_OUT_PRECHARGE
+    sim.start()
+    sim.run(0.5, record=False)
+    assert sim.state == "run"
+
+
+def test_the_fan_runs_while_the_drive_works_and_for_a_while_after():
+    sim = SimulatedDrive(load(NAME).changed({"controller.fan_s": 0.2}))
+    fan = firmware.lib.HT_OUT_FAN
+    sim.run(0.05, record=False)
+    assert sim.controller.channel("outputs") == 0
+    sim.start()
+    sim.run(0.5, record=False)
+    assert sim.controller.channel("outputs") == fan
+    sim.stop()
+    sim.run(0.15, record=False)
+    assert sim.controller.channel("outputs") == fan
+    sim.run(0.1, record=False)
+    assert sim.controller.channel("outputs") == 0
+
+
+@pytest.mark.parametrize("scheme", ("ddr", "db-dtfc"))
+def test_a_drive_without_outputs_has_the_bits_of_one_whose_fan_runs(scheme):
+    states = []
+    for watched in ({}, {"fan_s": 1.0}):
+        base = load(NAME).changed({"controller.scheme": scheme, "timing.latency": "predicted"})
+        sim = SimulatedDrive(base.changed({f"controller.{k}": v for k, v in watched.items()}))
+        sim.start()
+        sim.set("speed_ref_rpm", 300)
+        sim.run(0.6, record=False)
+        states.append(sim.plant_state.copy())
+    assert np.array_equal(*states)
