@@ -34,7 +34,6 @@ typedef struct {
     bool shadow;   /**< a pattern takes effect one period after its step */
     bool predict;  /**< decide on the state one period ahead */
     bool needs_xy; /**< the law decides by the x-y flux */
-    bool patterns; /**< the law decides on the pattern itself */
     bool special;  /**< magnets, sets that are not 30 degrees apart, or a law that makes patterns */
     bool only_v0;  /**< zero vectors: V0 only, else the one with the fewest transitions */
     float drop_V;  /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
@@ -45,13 +44,22 @@ typedef struct {
 /* <law>_law: that of `law` is used, the others may hold anything. */
 #define HT_VECTOR_LAW(id, law) ht_##law##_law_config law##_law;
 #define HT_VOLTAGE_LAW HT_VECTOR_LAW
-#define HT_PATTERN_LAW HT_VECTOR_LAW
+#define HT_PATTERN_LAW(id, law)
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
 #undef HT_PATTERN_LAW
     ht_modulator_config modulator; /**< of a voltage law, and of every law without legs */
     ht_leg_loss_config leg_loss;
+    bool patterns; /**< the law decides on the pattern itself */
+/* At the end: an instruction reaches only so far, and the others keep their places. */
+#define HT_VECTOR_LAW(id, law)
+#define HT_VOLTAGE_LAW(id, law)
+#define HT_PATTERN_LAW(id, law) ht_##law##_law_config law##_law;
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
 } ht_control_config;
 
 typedef enum {
@@ -82,7 +90,7 @@ typedef struct {
 /* <law>_law */
 #define HT_VECTOR_LAW(id, law) ht_##law##_law_state law##_law;
 #define HT_VOLTAGE_LAW HT_VECTOR_LAW
-#define HT_PATTERN_LAW HT_VECTOR_LAW
+#define HT_PATTERN_LAW(id, law)
 #include "ht_laws.def"
 #undef HT_VECTOR_LAW
 #undef HT_VOLTAGE_LAW
@@ -92,6 +100,14 @@ typedef struct {
     ht_leg_loss_state leg_loss;
     ht_lost_legs lost;
     ht_catch_state caught;
+/* At the end: an instruction reaches only so far, and the others keep their places. */
+#define HT_VECTOR_LAW(id, law)
+#define HT_VOLTAGE_LAW(id, law)
+#define HT_PATTERN_LAW(id, law) ht_##law##_law_state law##_law;
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
 } ht_control_state;
 
 typedef struct {
