@@ -50,9 +50,12 @@ PAGE = ROOT / "host" / "hexatorque" / "monitor" / "page"
 FOLDERS = ("core", "app", "port", "port/c2000", "port/host")
 LINK = ("ht_burst.c", "ht_octets.c", "ht_packet.c", "ht_streams.c")
 COMPILER = [sys.executable, "-m", "ziglang", "cc", "-target", "wasm32-wasi"]
-#: The module is small rather than quick.
-SMALL = ["-Os", "-DHT_SMALL", "-mllvm", "-inline-threshold=0"]
-OPTIONS = ["-mexec-model=reactor", *SMALL, *EXACT, "-s", "-Wl,-z,stack-size=262144"]
+#: The module is small rather than quick. Without the word inline, no function has copies.
+SMALL = ["-Os", "-DHT_SMALL", "-Dinline=", "-mllvm", "-inline-threshold=0"]
+OPTIONS = ["-mexec-model=reactor", *SMALL, *EXACT, "-s"]
+#: The data begins where the stack ends. With a larger stack, all addresses in it move.
+STACK_BYTES = 262_144
+MOVED_BYTES = 4096
 #: Modules that make the page, and the packages that have them.
 NEEDED = {"ziglang": "ziglang", "zopfli": "zopfli", "minify": "tdewolff-minify"}
 SCRIPT = "application/javascript"
@@ -212,14 +215,19 @@ def module(of: Held) -> bytes:
         code += [WEB / "ht_web.c", folder / plant.CODE]
         places = [*(SOURCES / name for name in (*FOLDERS, "link")), folder]
         output = folder / "drive.wasm"
-        command = [
-            *COMPILER, *OPTIONS, "-DHT_GATES_ACTIVE_LOW=0", *(f"-I{path}" for path in places),
-            "-o", str(output), *map(str, code), "-lm",
-        ]  # fmt: skip
-        done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode:
-            raise InputError(f"zig failed:\n{done.stderr.strip()}")
-        return without_texts(output.read_bytes())
+
+        def linked(stack_bytes: int) -> bytes:
+            command = [
+                *COMPILER, *OPTIONS, f"-Wl,-z,stack-size={stack_bytes}",
+                "-DHT_GATES_ACTIVE_LOW=0", *(f"-I{path}" for path in places),
+                "-o", str(output), *map(str, code), "-lm",
+            ]  # fmt: skip
+            done = subprocess.run(command, capture_output=True, text=True)
+            if done.returncode:
+                raise InputError(f"zig failed:\n{done.stderr.strip()}")
+            return output.read_bytes()
+
+        return without_texts(linked(STACK_BYTES), linked(STACK_BYTES + MOVED_BYTES))
 
 
 def texts_for_people() -> list[str]:
@@ -240,12 +248,46 @@ def texts_for_people() -> list[str]:
     return sorted(text for text in found if len(text) > 3 and "|" not in text)
 
 
-def without_texts(wasm: bytes) -> bytes:
-    """The module with zeros in their places: packed, it is a seventh smaller."""
+def without_texts(wasm: bytes, moved: bytes) -> bytes:
+    """The module with zeros in their places, and one address for all of them: packed, it is a sixth
+    smaller. moved: the same module with its data MOVED_BYTES further on. A word of the data is an
+    address if it has moved, too."""
+    base, begin, end = data_of(wasm)
+    other = moved[data_of(moved)[1] :]
+    data = wasm[begin:end]
+    gone = set()
     for text in texts_for_people():
         whole = b"\0" + text.encode() + b"\0"
-        wasm = wasm.replace(whole, bytes(len(whole)))
-    return wasm
+        gone |= {base + match.start() + 1 for match in re.finditer(re.escape(whole), data)}
+        data = data.replace(whole, bytes(len(whole)))
+    words = np.frombuffer(data[: len(data) & ~3], "<u4").copy()
+    old, new = (np.frombuffer(of, "<u4", len(words)) for of in (wasm[begin:end], other))
+    words[(new - old == MOVED_BYTES) & np.isin(old, list(gone))] = min(gone)
+    return wasm[:begin] + words.tobytes() + data[4 * len(words) :] + wasm[end:]
+
+
+def data_of(wasm: bytes) -> tuple[int, int, int]:
+    """Of the module's one segment of data: its address, where it begins and ends in the file."""
+
+    def number(at: int) -> tuple[int, int]:
+        value = shift = 0
+        while True:
+            value |= (wasm[at] & 0x7F) << shift
+            shift += 7
+            at += 1
+            if wasm[at - 1] < 0x80:
+                return value, at
+
+    at = 8
+    while wasm[at] != 11:  # the number of the section of data
+        size, at = number(at + 1)
+        at += size
+    _, at = number(at + 1)
+    if wasm[at : at + 3] != b"\x01\x00\x41":  # one segment; its address is a constant
+        raise ValueError("the module has not one segment of data")
+    address, at = number(at + 3)
+    size, at = number(at + 1)
+    return address, at, at + size
 
 
 # --- one script of many --------------------------------------------------------------------
@@ -289,44 +331,53 @@ def _module(name: str) -> str:
 
 
 def page(wasm: bytes, blobs: list[bytes], texts: dict) -> str:
-    """The page with all that it needs."""
+    """The page with all that it needs. Its scripts are packed with the module, because zopfli packs
+    them smaller than a server does."""
     from minify import string as shorter
     from zopfli import gzip as denser  # the browser unpacks no other format, zlib packs 4 % worse
 
-    held_bytes = denser.compress(b"".join([wasm, *blobs]))
-    data = {
-        "wasm": len(wasm),
-        "setup": len(blobs[0]),
-        "packed": base64.b64encode(held_bytes).decode(),
-        "tables": texts,
-        "worker": shorter(SCRIPT, bundle(WEB / "worker.js", {})),
-        "analyst": shorter(SCRIPT, bundle(PAGE / "analyst.js", {})),
-    }
-    given = f"export const data = {json.dumps(data, separators=(',', ':'))};"
-    instead: dict[str, Path | str] = {
-        "backend.js": WEB / "backend.js",
-        "commission.js": WEB / "commission.js",
-        "data.js": given,
-    }
-    script = bundle(PAGE / "monitor.js", instead)
-    html = (PAGE / "index.html").read_text(encoding="utf-8")
+    held_parts: dict[str, bytes] = {}
+    scripts: list[str] = []
 
     def inlined(match: re.Match) -> str:
-        target = match[1]
-        text = (PAGE / target).read_text(encoding="utf-8")
-        if target.endswith(".css"):
-            return f"<style>{shorter('text/css', text)}</style>"
-        return f"<script>{text}</script>"
+        text = (PAGE / match[1]).read_text(encoding="utf-8")
+        return f"<style>{shorter('text/css', text)}</style>"
 
+    def packed(match: re.Match) -> str:
+        path = PAGE / match[1]
+        held_parts[path.name] = path.read_bytes()
+        scripts.append(path.name)
+        return ""
+
+    html = (PAGE / "index.html").read_text(encoding="utf-8")
     html = re.sub(r'<link rel="stylesheet" href="([^"]+)">', inlined, html)
-    html = re.sub(r'<script defer src="([^"]+)"></script>', inlined, html)
+    html = re.sub(r'<script defer src="([^"]+)"></script>\n', packed, html)
+    html = re.sub(r'<script type="module" src="monitor\.js"></script>\n', "", html)
     icon = (
         "data:image/svg+xml;base64," + base64.b64encode((PAGE / "icon.svg").read_bytes()).decode()
     )
     html = html.replace('"icon.svg"', f'"{icon}"')
-    safe = shorter(SCRIPT, script).replace("</", "<\\/")
-    html = re.sub(r'<script type="module" src="monitor\.js"></script>\n', "", html)
-    return html.replace("</body>", f"<script>{safe}</script>\n</body>")
+
+    def script(entry: Path, replaced: Mapping[str, Path | str] = {}) -> bytes:
+        return shorter(SCRIPT, bundle(entry, replaced)).encode()
+
+    instead = {name: WEB / name for name in ("backend.js", "commission.js")}
+    held_parts |= {
+        "monitor": script(PAGE / "monitor.js", instead),
+        "worker": script(WEB / "worker.js"),
+        "analyst": script(PAGE / "analyst.js"),
+        "tables": json.dumps(texts, separators=(",", ":")).encode(),
+        "wasm": wasm,
+        "setups": b"".join(blobs),
+    }
+    data = {
+        "sizes": {name: len(part) for name, part in held_parts.items()},
+        "scripts": [*scripts, "monitor"],
+        "packed": base64.b64encode(denser.compress(b"".join(held_parts.values()))).decode(),
+    }
+    given = f"export const data = {json.dumps(data, separators=(',', ':'))};"
+    first = script(WEB / "unpack.js", {"data.js": given}).decode()
+    return html.replace("</body>", f"<script>{first}</script>\n</body>")
 
 
 def build(folder: Path, names: Sequence[str]) -> Path:

@@ -1,19 +1,13 @@
 // The way to the drive, as the monitor's backend.js has it: here a thread of the page holds the drive.
 
 import { decode } from "./numbers.js";
-import { data } from "./data.js";
-
-const script = (text) => URL.createObjectURL(new Blob([text], { type: "text/javascript" }));
-
-async function unpacked() {
-  const raw = Uint8Array.from(atob(data.packed), (c) => c.charCodeAt(0));
-  const stream = new Blob([raw]).stream().pipeThrough(new DecompressionStream("gzip"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
+const { held } = globalThis; // by name: what unpack.js has unpacked
+const tables = JSON.parse(new TextDecoder().decode(held.tables));
+const thread = (name) => new Worker(URL.createObjectURL(new Blob([held[name]], { type: "text/javascript" })));
 
 /** What a set-up's drive has kept. A browser may refuse to remember anything. */
 const memory = {
-  key: (setup) => `hexatorque ${data.tables.version} ${setup}`,
+  key: (setup) => `hexatorque ${tables.version} ${setup}`,
   get(setup) {
     try {
       const text = localStorage.getItem(this.key(setup));
@@ -34,13 +28,12 @@ let heard = () => {};
 const begun = begin();
 
 async function begin() {
-  const raw = await unpacked();
-  const module = await WebAssembly.compile(raw.subarray(0, data.wasm));
-  const worker = new Worker(script(data.worker));
+  const module = await WebAssembly.compile(held.wasm);
+  const worker = thread("worker");
   worker.onmessage = ({ data: { id, answer, error, frame, files, kept } }) => {
     if (frame) heard(frame);
     if (files) files.forEach(save);
-    if (kept) memory.put(setup || data.tables.setups[0].name, kept);
+    if (kept) memory.put(setup || tables.setups[0].name, kept);
     if (id === undefined) return;
     const { done, failed } = waiting.get(id);
     waiting.delete(id);
@@ -48,8 +41,8 @@ async function begin() {
     else done(answer);
   };
   worker.postMessage({ begin: {
-    module, tables: data.tables, bytes: raw.slice(data.wasm), setup,
-    kept: memory.get(setup || data.tables.setups[0].name),
+    module, tables, bytes: held.setups.slice(), setup,
+    kept: memory.get(setup || tables.setups[0].name),
   } });
   return worker;
 }
@@ -95,7 +88,7 @@ export function listen(query, hear) {
 
 /** The thread that analyses spans. It gets the samples from here: it has no server to ask. */
 export function analyst() {
-  const worker = new Worker(script(data.analyst));
+  const worker = thread("analyst");
   return {
     set onmessage(come) { worker.onmessage = come; },
     async postMessage({ span, ...question }) {

@@ -5,6 +5,7 @@ import base64
 import gzip
 import json
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
@@ -223,6 +224,43 @@ def test_a_setup_of_another_model():
 def test_no_text_is_left_that_nothing_reads(built):
     wasm = (built / "drive.wasm").read_bytes()
     assert b"speed reference" not in wasm and b"|ddr|" in wasm
+
+
+def test_the_addresses_of_texts_become_one():
+    """A number that is equal to an address by chance does not move with the data: it stays. So does
+    the address of what is read."""
+    texts = b"\0speed_ref_rpm\0f_isr_Hz\0|read|\0"
+    first, second, read = (texts.index(one) for one in (b"speed", b"f_isr", b"|read"))
+    texts += bytes(-len(texts) % 4)
+
+    def module(base, *words):
+        data = texts + struct.pack("<4I", *words)
+        size, address = len(data), [base & 0x7F | 0x80, base >> 7]
+        assert size < 0x80 and address[1] < 0x40  # as LEB128: one octet, two octets
+        segment = bytes([1, 0, 0x41, *address, 0x0B, size]) + data
+        return b"\0asm\1\0\0\0" + bytes([11, len(segment)]) + segment
+
+    base, chance = 1024, 1024 + second
+    beyond = base + web.MOVED_BYTES
+    one = module(base, base + first, base + second, chance, base + read)
+    moved = module(beyond, beyond + first, beyond + second, chance, beyond + read)
+    left = web.without_texts(one, moved)
+    begin = len(one) - len(texts) - 16
+    assert left[:begin] == one[:begin]
+    assert struct.unpack("<4I", left[-16:]) == (base + first, base + first, chance, base + read)
+    assert left[begin:-16].strip(b"\0") == b"|read|"
+
+
+@needs_chromium
+def test_a_browser_that_cannot_unpack_is_told(browser, built, tmp_path):
+    old = "<head><script>delete globalThis.DecompressionStream</script>"
+    html = (built / "drive.html").read_text(encoding="utf-8")
+    (tmp_path / "old.html").write_text(html.replace("<head>", old, 1), encoding="utf-8")
+    page = browser.open(f"file://{tmp_path}/old.html")
+    page.until("!document.querySelector('#alarm').hidden")
+    assert "cannot unpack" in page.js("document.querySelector('#alarm').textContent")
+    page.close()
+    browser.events.clear()
 
 
 @needs_node
