@@ -11,7 +11,7 @@
 #include "ht_service_requests.h"
 
 #define RIG_MEMORY 96u /* values for captures: a few rows of a few channels */
-#define RIG_BLOCKS 32u /* of an area of the parameter store */
+#define RIG_BLOCKS 64u /* of an area of the parameter store */
 #define RIG_LOG_BLOCKS (HT_LOG_SLOTS * HT_LOG_BLOCKS)
 #define RIG_LINE 4096u /* octets on their way to the device */
 #define RIG_TICKS 256u /* fast interrupts that one input may take */

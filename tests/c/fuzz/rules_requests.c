@@ -14,7 +14,7 @@ enum {
 };
 enum {
     DONE, NO_ID, BAD_VALUE, BAD_STATE, NO_FIT, NO_HARDWARE, TURNING, TRIPPED,
-    NO_PREDICTION = 9, TOO_SLOW, RESTARTS,
+    NO_PREDICTION = 9, TOO_SLOW, RESTARTS, NOT_CHARGED = 14,
     NO_OPCODE = 16, BAD_LENGTH, NO_SESSION, STALE, BUSY, BUDGET, NO_CAPTURE, NO_STREAM,
     BAD_FIELD, TOO_LARGE, SAMPLING
 };
@@ -435,6 +435,10 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
                        : (!ready ? BAD_STATE : ((status == TURNING) ? TURNING : DONE));
         if ((expected == DONE) && (ht_drive_restart_wait(&the_rig.drive) != 0u)) {
             expected = RESTARTS;
+        }
+        if ((expected == DONE)
+            && !ht_outputs_charged(&the_rig.drive.config->outputs, &the_rig.drive.outputs)) {
+            expected = NOT_CHARGED;
         }
         expected = old ? BAD_STATE : expected;
     } else if (opcode == CLEAR) {

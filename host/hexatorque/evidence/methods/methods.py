@@ -11,7 +11,7 @@ A setting is a point of the unit cube with an axis for everything that is free.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -203,6 +203,7 @@ def methods() -> tuple[Method, ...]:
         scheme("foc", period),
         scheme("foc-24", period),
         scheme("db-ipwm", quarter, Axis("thd_share", 0.0, 1.0, log=False)),
+        replace(scheme("db-ipwm", quarter), name="db-ipwm smooth", fixed=(("thd_share", 0.0),)),
         law("dtc-svm", MODULATED, period),
         law("lvv-mpc", VIRTUAL, period),
         law("vv-mpc", VIRTUAL, _VECTORS),

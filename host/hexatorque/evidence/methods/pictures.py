@@ -23,8 +23,11 @@ LABELS = {
     "ixy_rms_A": "x–y rms [A]",
     "loss_W": "loss [W]",
 }
-#: The variants of our scheme, and the laws of the host.
-INK = {"κ=0": "#cc79a7", "κ=1": "#882255", "alternating": "#999933", "free": "#332288"}
+#: The variants of our schemes, and the laws of the host.
+INK = {
+    "κ=0": "#cc79a7", "κ=1": "#882255", "alternating": "#999933", "free": "#332288",
+    "smooth": "#d55e00",
+}  # fmt: skip
 LAW_COLOURS = {
     "dtc-svm": "#17becf",
     "lvv-mpc": "#bcbd22",

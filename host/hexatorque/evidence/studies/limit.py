@@ -106,7 +106,7 @@ def plot(
     result: dict, path: Path, methods: Mapping[str, Mapping[str, tuple[float, float]]] | None = None
 ) -> Path:
     """The limit's front in the plane of both figures, at each point. methods: point -> method ->
-    the least THD and the least Td that it reaches, for a mark."""
+    the least THD and the least Td that it reaches, for marks at the top and at the right."""
     from ...analysis import plots
     from ..methods.pictures import LAW_COLOURS, logarithmic, one_legend, style
 
@@ -132,7 +132,9 @@ def plot(
             shown.append(one)
         for name, one in (methods or {}).get(at["point"], {}).items():
             marker = "P" if name.startswith(OURS) else "X" if name in LAW_COLOURS else "D"
-            axis.plot(*one, marker, color=style(name)["color"], markersize=6, label=name)
+            own = {"marker": marker, "color": style(name)["color"], "clip_on": False, "zorder": 3}
+            axis.plot(one[0], 1.0, transform=axis.get_xaxis_transform(), label=name, ls="", **own)
+            axis.plot(1.0, one[1], transform=axis.get_yaxis_transform(), **own)
             shown.append(one)
         logarithmic(axis, "x", "y")
         for set_ends, values in zip((axis.set_xlim, axis.set_ylim), zip(*shown)):
