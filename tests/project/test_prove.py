@@ -32,7 +32,7 @@ def test_every_harness_is_listed_and_every_row_has_one():
 def test_a_seeded_bug_changes_the_code(proof):
     """A bug whose text no longer stands in the code, or twice, would be found by nothing."""
     text = proof.bug.path().read_text()
-    assert proof.bug.file.endswith(".c")
+    assert proof.bug.file.endswith((".c", ".h"))
     assert text.count(proof.bug.right) == 1
     assert proof.bug.right != proof.bug.wrong
 

@@ -205,7 +205,7 @@ def test_the_dictionary_has_every_row_and_its_crc(device):
         reply = device.ask(LIST, struct.pack("<BH", kind, count))
         assert (reply.status, reply.payload) == (ID, b"\xff\xff")
     assert found == crc
-    for kind, row in ((4, 1), (5, 1), (6, 1), (7, 1), (9, 10), (10, 0), (255, 0)):
+    for kind, row in ((4, 1), (5, 1), (6, 1), (7, 1), (9, len(firmware.LIMITS)), (10, 0), (255, 0)):
         assert device.ask(LIST, struct.pack("<BH", kind, row)).status == ID
     names = [t[0].decode() for t in texts]
     assert names[: rows[0]] == list(PARAMETERS)

@@ -45,7 +45,7 @@ def gone(pid: int, within_s: float = 60.0) -> bool:
 
 
 #: One scheme of each of the other laws is never left out.
-OTHER_LAWS = ["db-dtfc", "foc-24"]
+OTHER_LAWS = ["db-dtfc", "foc-24", "db-ipwm"]
 
 
 @pytest.mark.parametrize("scheme", [*OTHER_LAWS, *part(firmware.table_schemes(), 2)])
