@@ -318,7 +318,10 @@ static void configure_heat(const ht_params *p, ht_heat_config *c)
     c->ohm_per_K = v[HT_P_rs_ohm] / (v[HT_P_rs_degC] - HT_COPPER_ZERO_DEGC);
     c->ambient_K = v[HT_P_ambient_degC] - HT_COPPER_ZERO_DEGC;
     c->settled = HEAT_SETTLED * v[HT_P_adapt_s] * v[HT_P_f_slow_Hz];
-    c->rs_tells = (per_s > 0.0f) ? (uint16_t)v[HT_P_rs_tells] : (uint16_t)HT_RS_TELLS_NOTHING;
+    c->rs_tells = (uint16_t)HT_RS_TELLS_NOTHING;
+    if (per_s > 0.0f) {
+        c->rs_tells = (uint16_t)v[HT_P_rs_tells];
+    }
     c->ambient_degC = v[HT_P_ambient_degC];
     c->limit_degC = v[HT_P_winding_limit_degC];
     c->trip_degC = v[HT_P_winding_trip_degC];
