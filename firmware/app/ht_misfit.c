@@ -255,13 +255,13 @@ static bool vdc_fits(const ht_params *p, uint16_t misfit)
 static bool outputs_fit(const float *v, uint16_t misfit)
 {
     bool result = true;
-    float negative_Nm = v[HT_P_torque_negative_Nm];
-    float most_Nm = v[HT_P_torque_limit_Nm];
     if (misfit == (uint16_t)HT_MISFIT_PRECHARGE) {
         result = (v[HT_P_precharge_V] == 0.0f)
                  || ((v[HT_P_precharge_V] > 1.03f * v[HT_P_vdc_min_V])
                      && (v[HT_P_precharge_V] < v[HT_P_vdc_max_V]));
     } else {
+        float negative_Nm = v[HT_P_torque_negative_Nm];
+        float most_Nm = v[HT_P_torque_limit_Nm];
         if ((v[HT_P_brake_Nm] < 0.0f) && (negative_Nm > 0.0f) && (negative_Nm < most_Nm)) {
             most_Nm = negative_Nm;
         }

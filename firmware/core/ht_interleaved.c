@@ -223,7 +223,8 @@ static HT_INTO_CALLERS uint32_t edge_counts(const half_of *h, float share, float
 {
     uint32_t end = h->end;
     uint32_t shortest = h->shortest;
-    uint32_t count = (uint32_t)(ht_between(at, 0.0f, HT_HALF_PERIODS) * h->full + 0.5f);
+    float counts = ht_between(at, 0.0f, HT_HALF_PERIODS) * h->full + 0.5f;
+    uint32_t count = (uint32_t)counts;
     if (count < end) {
         if (count < shortest) {
             return (2u * count < shortest) ? 0u : shortest;
@@ -285,8 +286,9 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     float size2 = command->steady_pu.alpha * command->steady_pu.alpha
                   + command->steady_pu.beta * command->steady_pu.beta;
     bool turned = (a == 1u) && st->opposite;
+    bool rises = st->quarter < 2u;
     h.cfg = cfg;
-    h.sense = ((st->quarter < 2u) != turned) ? -1.0f : 1.0f;
+    h.sense = (rises != turned) ? -1.0f : 1.0f;
     h.act = 0.0f;
     h.centre = 0.0f;
     if (!st->together) {
@@ -379,15 +381,13 @@ unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_
     return (was && st->together) ? 3u : 1u;
 }
 
-static HT_INTO_CALLERS making nothing_yet(const ht_modulator_input *in)
+static HT_INTO_CALLERS void nothing_yet(making *m, const ht_modulator_input *in)
 {
-    making m;
-    m.high = 0u;
-    m.moves = 0u;
-    m.rises = 0u;
-    m.end = in->period->counts;
-    m.per_count = 1.0f / (float)m.end;
-    return m;
+    m->high = 0u;
+    m->moves = 0u;
+    m->rises = 0u;
+    m->end = in->period->counts;
+    m->per_count = 1.0f / (float)m->end;
 }
 
 static HT_INTO_CALLERS void finish(ht_interleaved_state *st, const making *m,
@@ -413,8 +413,9 @@ ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state
                           ht_toggles *toggles)
 {
     unsigned before = bare ? 0u : in->before;
-    making m = nothing_yet(in);
+    making m;
     ht_ab off;
+    nothing_yet(&m, in);
     if (a == 0u) {
         off = begin_set1(cfg, st, command, in, &m, out, toggles);
         go_on(st, 1u, before, &m, out, toggles);
@@ -431,7 +432,8 @@ HT_APART void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleav
                                   const ht_modulator_input *in, ht_ab off_pu[2], ht_compare *out,
                                   ht_applied *applied, ht_toggles *toggles)
 {
-    making m = nothing_yet(in);
+    making m;
+    nothing_yet(&m, in);
     if (begins) {
         off_pu[0] = begin_set1(cfg, st, &command[0], in, &m, out, toggles);
         off_pu[1] = begin_set2(cfg, st, &command[1], in, &m, out, toggles);

@@ -84,8 +84,8 @@ static HT_INTO_CALLERS ht_interleaved_command command_of(const ht_interleaved_la
     along.alpha = inv_size * psi.alpha;
     along.beta = inv_size * psi.beta;
     radial = ht_limited(in->flux_ref_Wb - size, HT_LAW_FLUX_SHARE * half);
-    wanted = machine->magnets ? ht_flux_reference_magnet(machine, in, psi, size + radial)
-                              : ht_flux_reference(machine, in, size + radial);
+    wanted = machine->magnets ? ht_flux_wanted_magnet(machine, in, psi, size + radial)
+                              : ht_flux_wanted(machine, in, size + radial);
     steady.alpha = turns.back * wanted.alpha - turns.sine * wanted.beta;
     steady.beta = turns.back * wanted.beta + turns.sine * wanted.alpha;
     e.alpha = steady.alpha + gain * (wanted.alpha - psi.alpha);
