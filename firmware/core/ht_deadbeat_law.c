@@ -70,9 +70,8 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     float turn = turns.sine;
     float back = turns.back;
     ht_ab along = {inv_size * psi.alpha, inv_size * psi.beta};
-    ht_ab wanted = machine->magnets
-                       ? ht_flux_wanted_magnet(machine, in, in->psi_Wb, size + radial)
-                       : ht_flux_wanted(machine, in, size + radial);
+    ht_ab wanted = machine->magnets ? ht_flux_wanted_magnet(machine, in, in->psi_Wb, size + radial)
+                                    : ht_flux_wanted(machine, in, size + radial);
     ht_ab e;
     float e2;
     ht_vsd v;

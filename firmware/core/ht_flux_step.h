@@ -13,7 +13,7 @@
 
 /** The flux that has the torque asked for, next to the length asked for. */
 static HT_INTO_CALLERS ht_ab ht_flux_wanted(const ht_observer_config *machine,
-                                               const ht_voltage_law_input *in, float length_Wb)
+                                            const ht_voltage_law_input *in, float length_Wb)
 {
     ht_ab r = in->rotor_Wb;
     float r2 = r.alpha * r.alpha + r.beta * r.beta;
@@ -29,8 +29,8 @@ static HT_INTO_CALLERS ht_ab ht_flux_wanted(const ht_observer_config *machine,
 
 /** The same with magnets, whose r changes with the flux. `psi_Wb`: the flux now. */
 static HT_INTO_CALLERS ht_ab ht_flux_wanted_magnet(const ht_observer_config *machine,
-                                                      const ht_voltage_law_input *in, ht_ab psi_Wb,
-                                                      float length_Wb)
+                                                   const ht_voltage_law_input *in, ht_ab psi_Wb,
+                                                   float length_Wb)
 {
     ht_ab r = in->rotor_Wb;
     float r2 = r.alpha * r.alpha + r.beta * r.beta;
