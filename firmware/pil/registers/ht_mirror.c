@@ -3,7 +3,7 @@
 #include "port.h"
 
 #define LEG_REGISTERS 21
-#define EQEP_WORDS 0x21u
+#define EQEP_WORDS 0x1Fu /* up to QCPRD, the last that the drivers use */
 #define ABSENT 0xFFFFu /* ht_c2000_map.h */
 #define PIEACK 0x0CE1u
 

@@ -382,7 +382,7 @@ FAULTS = {
         "a low trip pin is the fault"),
     "level of another pin": (
         F28377S, "ht_pwm.c", "uint32_t gpio = port->board->trip.gpio;",
-        "uint32_t gpio = port->board->trip.gpio + 1u;", "a low trip pin refuses"),
+        "uint32_t gpio = port->board->trip.gpio + 1u;", "start is accepted"),
     "one leg's flag for all": (
         F28335, "ht_pwm.c",
         "HT_RD16(port->io, port->leg[leg] + port->map->tzflg) & TZ_OST",

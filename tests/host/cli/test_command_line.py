@@ -287,7 +287,7 @@ def completed(line, monkeypatch, capsys):
         ("hexatorque compare --set machine.rs", ["plain,machine.rs_ohm="]),
         ("hexatorque run a.toml --set timing.latency=s", ["plain,timing.latency=shadow"]),
         ("hexatorque board start --scheme dtc3", ["plain,dtc3"]),
-        ("hexatorque board set rs_", ["plain,rs_ohm=", "plain,rs_degC="]),
+        ("hexatorque board set rs_", ["plain,rs_ohm=", "plain,rs_degC=", "plain,rs_tells="]),
         ("hexatorque board set rs_ohm=1.7 scheme=fd", ["plain,scheme=fdr"]),
         ("hexatorque board params get vdc_m", ["plain,vdc_min_V", "plain,vdc_max_V"]),
         ("hexatorque board watch speed_rp", ["plain,speed_rpm"]),

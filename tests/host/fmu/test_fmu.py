@@ -170,7 +170,8 @@ def test_a_kept_state_continues_with_the_same_bits(made, running):
         "folder, raw, inputs = pickle.load(sys.stdin.buffer); fmu = Fmu(folder).begin(); "
         "fmu.go_back(raw); pickle.dump(answers(fmu, inputs), sys.stdout.buffer)"
     )
-    sent = pickle.dumps([str(Path(__file__).parent)]) + pickle.dumps((str(folder), raw, inputs))
+    folders = [str(Path(of.__file__).parent) for of in (sys.modules[__name__], shorted_machine)]
+    sent = pickle.dumps(folders) + pickle.dumps((str(folder), raw, inputs))
     done = subprocess.run([sys.executable, "-c", program], input=sent, capture_output=True)
     assert done.returncode == 0, done.stderr.decode()
     assert pickle.loads(done.stdout) == expected

