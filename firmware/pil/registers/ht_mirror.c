@@ -4,7 +4,7 @@
 
 #define LEG_REGISTERS 21
 #define EQEP_WORDS 0x1Fu /* up to QCPRD, the last that the drivers use */
-#define ABSENT 0xFFFFu /* ht_c2000_map.h */
+#define ABSENT 0xFFFFu   /* ht_c2000_map.h */
 #define PIEACK 0x0CE1u
 
 uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
