@@ -255,8 +255,9 @@ def limit(folder: Path) -> str:
         ]
         over.append(f"{min(ratios):.2f} to {max(ratios):.2f}")
     return (
-        f"Within {float(SHOWN) / 1e3:g} kHz the best method has {over[0]} times the least Td, and "
-        f"the best one {over[1]} times the least THD∞. The limit, and carrier modulation: {link}.\n"
+        f"Within {float(SHOWN) / 1e3:g} kHz the best method has {over[0]} times the limit's Td at "
+        f"w = 32, and the best one {over[1]} times the least THD∞. The limit, and carrier "
+        f"modulation: {link}.\n"
         f"\n![The limit and what the methods reach](images/{LIMIT}.png)\n"
     )
 

@@ -118,13 +118,11 @@ def plot(
         axis.set_visible(False)
     for axis, at in zip(axes.flat, points):
         thd, td = (np.array([one[key] for one in at["limit"]]) for key in ("thd_inf_pct", "td_Nm"))
-        # Between two points their patterns take turns, so the squares are means.
-        ends = np.arange(len(thd))
-        share = np.linspace(0, len(thd) - 1, 20 * len(thd))
-        lines = [np.sqrt(np.interp(share, ends, one**2)) for one in (thd, td)]
-        axis.fill_between([0, *lines[0], 1e3], [1e6, *lines[1], td[-1]], 1e-9, color=plots.FAINT)
-        axis.plot(*lines, "-", color=plots.INK, label="limit of all patterns")
-        axis.plot(thd, td, ".", color=plots.INK)
+        # No pattern has less distortion than the first point, or less of both than another. A
+        # mixture of patterns may be better than two points' mixture, so no line joins them.
+        forbidden = {"step": "pre", "color": plots.FAINT}
+        axis.fill_between([0, *thd], [1e6, 1e6, *td[1:]], 1e-9, **forbidden)
+        axis.plot(thd, td, "o", color=plots.INK, markersize=4, label="limit of all patterns")
         shown = [*zip(thd, td)]
         for marker, (name, known) in zip("v^<>", at["carrier"].items()):
             one = known["thd_inf_pct"], known["td_Nm"]
