@@ -160,6 +160,25 @@ def test_the_largest_torque_of_a_voltage(machine, omega):
         assert lib.ht_magnet_driven_Nm(reach_V, other, r, 3 * p) > 1e6
 
 
+def turned_with(machine, cfg, i_dq, omega, periods, adapt):
+    """The observer's state after so many periods of the exact machine, which turns with a constant
+    current that the voltage keeps; `adapt` is called with both in every hundredth."""
+    r, ts = machine[0], cfg.ts_s
+    exact, state = Exact(machine, omega), ffi.new("ht_observer_state *")
+    lib.ht_observer_align(cfg, state, pair(i_dq), pair(1 + 0j))
+    state.omega_sync_rad_s = omega
+    v_dq = r * i_dq + 1j * omega * exact.flux(i_dq, 0.0)
+    v_dq *= np.sinc(omega * ts / 2 / np.pi)  # mean of a period
+    for n in range(1, periods + 1):
+        axis, middle = (np.exp(1j * omega * ts * k) for k in (n, n - 0.5))
+        lib.ht_observer_update_magnet(
+            cfg, state, pair(v_dq * middle), pair(i_dq * axis), omega * ts, pair(axis)
+        )
+        if n % 100 == 0:
+            adapt(cfg, state)
+    return state
+
+
 @pytest.mark.parametrize("share", [0.7, 1.5])
 def test_a_wrong_resistance_is_learnt_where_the_magnets_induce_little(machine, share):
     """The exact machine turns with a constant current across the magnets, and the pull bounds what
@@ -172,18 +191,10 @@ def test_a_wrong_resistance_is_learnt_where_the_magnets_induce_little(machine, s
         cfg = observer(machine, 3 * r * abs(i_dq) / psi_f / 2 / np.pi)
         cfg.rs_ohm = r / share
         cfg.magnet.psi_f_Wb = 1.05 * psi_f
-        exact, state = Exact(machine, omega), ffi.new("ht_observer_state *")
-        lib.ht_observer_align(cfg, state, pair(i_dq), pair(1 + 0j))
-        state.omega_sync_rad_s = omega
-        v_dq = r * i_dq + 1j * omega * exact.flux(i_dq, 0.0)
-        v_dq *= np.sinc(omega * TS / 2 / np.pi)  # mean of a period
-        for n in range(1, 15001):
-            axis, middle = (np.exp(1j * omega * TS * k) for k in (n, n - 0.5))
-            lib.ht_observer_update_magnet(
-                cfg, state, pair(v_dq * middle), pair(i_dq * axis), omega * TS, pair(axis)
-            )
-            if n % 100 == 0:
-                lib.ht_observer_adapt_magnet(cfg, state, 0.1)
+        state = turned_with(
+            machine, cfg, i_dq, omega, 15000,
+            lambda cfg, of: lib.ht_observer_adapt_magnet(cfg, of, 0.1),
+        )  # fmt: skip
         assert state.rs_ohm == pytest.approx(r if learns else r / share, rel=0.03)
         lib.ht_observer_adapt_magnet(cfg, state, 0.0)
         assert state.rs_ohm == pytest.approx(r / share)
@@ -206,18 +217,10 @@ def test_a_wrong_flux_is_learnt_where_the_magnets_induce_much(machine, share, tu
         cfg.magnet.psi_f_Wb = share * psi_f
         ts = min(TS, 0.2 / abs(omega))
         cfg.ts_s, cfg.inv_ts, cfg.hybrid_gain = ts, 1 / ts, cfg.hybrid_gain / TS * ts
-        exact, state = Exact(machine, omega), ffi.new("ht_observer_state *")
-        lib.ht_observer_align(cfg, state, pair(i_dq), pair(1 + 0j))
-        state.omega_sync_rad_s = omega
-        v_dq = r * i_dq + 1j * omega * exact.flux(i_dq, 0.0)
-        v_dq *= np.sinc(omega * ts / 2 / np.pi)  # mean of a period
-        for n in range(1, 12001):
-            axis, middle = (np.exp(1j * omega * ts * k) for k in (n, n - 0.5))
-            lib.ht_observer_update_magnet(
-                cfg, state, pair(v_dq * middle), pair(i_dq * axis), omega * ts, pair(axis)
-            )
-            if n % 100 == 0:
-                lib.ht_observer_adapt_flux(cfg, state, 0.1, least_V)
+        state = turned_with(
+            machine, cfg, i_dq, omega, 12000,
+            lambda cfg, of: lib.ht_observer_adapt_flux(cfg, of, 0.1, least_V),
+        )  # fmt: skip
         found = share + state.more_Wb / psi_f
         lib.ht_observer_adapt_flux(cfg, state, 0.0, least_V)
         assert state.more_Wb == 0
