@@ -46,7 +46,7 @@ from .runs import each
 TITLE = "Fault campaign"
 SETUPS = ("paper-a-feasible", "paper-b")
 #: Runs per fault. They are enough for every state, scheme and set-up.
-RUNS = 270
+RUNS = 300
 #: The quick campaign makes each QUICK_STEP-th of these runs. The step divides no number of states,
 #: schemes or set-ups, so that they all occur.
 QUICK_STEP = 13
