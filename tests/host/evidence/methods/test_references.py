@@ -196,7 +196,8 @@ def test_the_limit_is_compared_with_the_fronts_of_the_page(tool, tmp_path, monke
     whole = {"quick": False, "points": [point]}
     (tmp_path / "limit.json").write_text(json.dumps(whole))
     (text,) = tool.measured(tmp_path).values()
-    assert "1.50 to 1.50 times the least Td" in text and "1.50 to 1.50 times the least THD" in text
+    assert "1.50 to 1.50 times the limit's Td at w = 32" in text
+    assert "1.50 to 1.50 times the least THD∞" in text
     assert (tmp_path / "limit.png").stat().st_size > 10_000
     with pytest.raises(SystemExit):
         tool.measured(tmp_path / "nothing")
