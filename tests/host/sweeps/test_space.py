@@ -12,6 +12,7 @@ from hexatorque.cli.main import main
 from hexatorque.setups import SetupError
 from hexatorque.sweeps import files, space
 from hexatorque.sweeps.errors import StudyError
+from hexatorque.sweeps.work import Runs
 
 RPM, NM, RS = "point.speed_rpm", "point.load_Nm", "machine.rs_ohm"
 
@@ -52,7 +53,7 @@ def test_whole_numbers_stay_whole():
 def test_a_latin_hypercube_has_one_point_in_every_slice():
     pytest.importorskip("scipy")
     keys = {RS: {"from": 1.0, "to": 5.0}, RPM: {"from": 100, "to": 2500}, NM: [1.0, 2.0]}
-    study = Study("paper-b", keys, design="latin-hypercube", samples=40)
+    study = Study("paper-b", keys, design=space.Draw("latin-hypercube", 40))
     found = values(study)
     for path, low, high in ((RS, 1.0, 5.0), (RPM, 100, 2500)):
         slices = [math.floor(40 * (v[path] - low) / (high - low)) for v in found]
@@ -64,7 +65,7 @@ def test_a_latin_hypercube_has_one_point_in_every_slice():
 def test_the_seed_decides_the_draw(design):
     def drawn(seed):
         keys = {RS: {"from": 1.0, "to": 5.0}}
-        return values(Study("paper-b", keys, design=design, samples=20, seed=seed))
+        return values(Study("paper-b", keys, design=space.Draw(design, 20, seed)))
 
     assert drawn(1) == drawn(1) != drawn(2)
 
@@ -111,7 +112,7 @@ def test_ready_made_studies_fit_any_setup(name):
 
 
 def test_more_random_points_begin_with_the_same_ones():
-    few, many = (space.design("random", {RS: {"from": 1, "to": 5}}, n) for n in (5, 50))
+    few, many = (space.points(space.Draw("random", n), {RS: {"from": 1, "to": 5}}) for n in (5, 50))
     assert np.array_equal(few.shares, many.shares[:5])
 
 
@@ -162,11 +163,12 @@ GRID = {RPM: [500, 900]}
         (GRID, {"schemes": ["dtc9"]}, "unknown scheme 'dtc9'"),
         (GRID, {"seeds": [0]}, "seeds: 0: allowed range is 1 .. 1000000000"),
         (GRID, {"design": "gird"}, "design = 'gird': choose one of grid, list, random, latin-h"),
-        (GRID, {"samples": 3}, "samples = 3: a grid has as many as its values make"),
+        (GRID, {"design": space.Draw(samples=3)}, "samples = 3: a grid has as many as its values"),
         (GRID, {"design": "random"}, "samples = None: allowed range is 1 .."),
         ({**GRID, NM: [1.0]}, {"design": "list"}, "point.speed_rpm has 2, point.load_Nm has 1"),
-        (GRID, {"kind": "profil"}, "run = 'profil': choose one of point, profile"),
-        (GRID, {"from_s": 1.0}, "from_s = 1: only with run = 'profile'"),
+        (GRID, {"run": "profil"}, "run = 'profil': choose one of point, profile"),
+        (GRID, {"run": Runs(from_s=1.0)}, "from_s = 1.0: only with run = 'profile'"),
+        (GRID, {"run": Runs("profile", "0.1 s")}, "from_s = '0.1 s': a time of 0 s or more is"),
         ({"controller.scheme": ["ddr"]}, {"schemes": ["ddr"]}, "controller.scheme varies: leave"),
     ],
 )  # fmt: skip
