@@ -54,6 +54,8 @@ PYTHON = {
     "laws.patterns": ("centred", "vector", "vectors"),
     "recording.recording": ("Recording",),
     "sweeps.study": ("Study",),
+    "sweeps.space": ("Draw",),
+    "sweeps.work": ("Runs",),
     "recording.writer": ("Writer",),
     "analysis.metrics": ("metrics",),
     "errors": ("InputError", "HexatorqueError"),
@@ -329,7 +331,7 @@ def rows_of(word: str, what: str) -> str:
     """A table of the firmware whose rows have a name, a number, a text and a word of help."""
     file = f"ht_{word}s.def"
     rows = [
-        (row[2], f"`{row[1].rstrip('u')}`", row[3])
+        (row[2], f"`{row[1].rstrip('u')}`", in_words(row[3]))
         for row in defined(file, f"HT_{word.upper()}").values()
     ]
     return f"\n## {word.capitalize()}s\n\n{what} Written from `firmware/app/{file}`.\n\n" + table(

@@ -49,7 +49,8 @@ class Study:
     picture draws the other metrics over this one, with the best compromises. StudyError or
     SetupError, both InputErrors, name what is wrong before anything runs.
 
-    setup: the set-up as it is studied; space: all runs, `space.case(n).values` are the keys that
+    setup: the set-up as it is studied; runs: what each run does, cycle: the drive cycle that it
+    follows, if it does; space: all runs, `space.case(n).values` are the keys that
     run n changes; results: what has been computed, `results.figures` is (runs, metrics).
     """
 
