@@ -73,6 +73,16 @@ def pairs(values: object) -> dict[Any, Any]:
     return dict(values)
 
 
+def several(values: Any, name: str) -> list[Any]:
+    """A list, or a value that stands for a list of one. InputError for anything else."""
+    if isinstance(values, (str, int)):
+        return [values]
+    try:
+        return [plain(value) for value in values]
+    except TypeError:
+        raise InputError(f"{name} = {values!r}: a list is needed") from None
+
+
 def listed(text: str) -> list[str]:
     """The parts of a list: between semicolons, or else blanks, or else commas. Brackets around the
     list are left out. With semicolons and blanks a comma is a decimal comma."""

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..given import choice
+from ..given import choice, pairs, several
 from ..setups import Setup, load, parameters
 from . import sensitivity, space, table, work
 from .engine import rows
@@ -70,22 +70,21 @@ class Study:
         from .. import firmware
 
         loaded = setup if isinstance(setup, Setup) else load(setup)
-        self.setup = space.completed(loaded, default or {})
+        self.setup = space.completed(loaded, pairs(default))
         self.title = title if title else self.setup.title
         self.runs = run if isinstance(run, Runs) else Runs(run)
         self.cycle = self.runs.checked()
         known = work.units(self.runs.kind)
-        if metrics is not None and not metrics:
+        self.metrics = tuple(known if metrics is None else several(metrics, "metrics"))
+        if not self.metrics:
             raise StudyError(f"no metric is given; known: {', '.join(known)}")
-        self.metrics = tuple(known if metrics is None else metrics)
         check_words(self.metrics, known, "metric")
-        schemes = [choice(name, firmware.schemes()) for name in schemes]
+        schemes = [choice(name, firmware.schemes()) for name in several(schemes, "schemes")]
         check_words(schemes, firmware.schemes(), "scheme")
         self.over = over
         if over and over not in self.metrics:
             raise StudyError(f"over = {over!r}: choose one of {', '.join(self.metrics)}")
-        one: Any
-        for one in seeds:
+        for one in (seeds := several(seeds, "seeds")):
             if isinstance(one, bool) or not isinstance(one, int) or not SEEDS[0] <= one <= SEEDS[1]:
                 raise StudyError(f"seeds: {one!r}: allowed range is {SEEDS[0]} .. {SEEDS[1]}")
         draw = design if isinstance(design, Draw) else Draw(design)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hexatorque import Study, setups
+from hexatorque import InputError, Study, setups
 from hexatorque.cli.main import main
 from hexatorque.setups import SetupError
 from hexatorque.sweeps import files, space
@@ -37,6 +37,12 @@ def test_a_grid_has_every_combination_once():
 def test_a_list_goes_through_its_values_together():
     study = Study("paper-b", {RPM: [500, 900], NM: [1.0, 2.0]}, design="list")
     assert values(study) == [{RPM: 500, NM: 1.0}, {RPM: 900, NM: 2.0}]
+
+
+def test_one_name_is_a_list_of_one():
+    study = Study("paper-b", schemes="DDR", seeds=7, metrics="f_sw_Hz")
+    assert values(study) == [{"controller.scheme": "ddr", "sensors.noise_seed": 7}]
+    assert study.metrics == ("f_sw_Hz",)
 
 
 def test_a_logarithmic_range_multiplies():
@@ -161,6 +167,10 @@ GRID = {RPM: [500, 900]}
         (GRID, {"metrics": []}, "no metric is given; known: speed_rpm"),
         (GRID, {"metrics": ["i1_A", "i1_A"]}, "metric 'i1_A' is there twice"),
         (GRID, {"schemes": ["dtc9"]}, "unknown scheme 'dtc9'"),
+        (GRID, {"schemes": 3}, "unknown scheme 3; known: dtc1"),
+        (GRID, {"metrics": 3.0}, "metrics = 3.0: a list is needed"),
+        (GRID, {"seeds": None}, "seeds = None: a list is needed"),
+        (GRID, {"default": 3}, "3: names with values are needed, such as"),
         (GRID, {"seeds": [0]}, "seeds: 0: allowed range is 1 .. 1000000000"),
         (GRID, {"design": "gird"}, "design = 'gird': choose one of grid, list, random, latin-h"),
         (GRID, {"design": space.Draw(samples=3)}, "samples = 3: a grid has as many as its values"),
@@ -173,7 +183,7 @@ GRID = {RPM: [500, 900]}
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_line_that_names_it(keys, more, said):
-    with pytest.raises(StudyError) as caught:
+    with pytest.raises(InputError) as caught:
         Study("paper-b", keys, **more)
     assert said in str(caught.value) and "\n" not in str(caught.value)
     assert caught.value.exit_code == 2
