@@ -34,7 +34,7 @@ from .output import complain, console_of, print_json
 @options.value(
     "--align",
     metavar="HOW",
-    help="what all have at time 0: trigger, start or none; default: none with --shift, trigger if "
+    help="event at time 0: trigger, start or none; default: none with --shift, trigger if "
     "all have one, else start if several",
 )
 @options.value("--window", metavar="T0,T1", help="seconds to show, after alignment")
