@@ -156,7 +156,7 @@ def check(setup, schemes, settings, everything, as_json) -> int:
 
 
 def _print_notes(console, findings, rest: str) -> None:
-    """What is not in order, bad before notes. A line each, and one for what to change; then how
+    """The findings, bad before notes. A line each, and one for the change; then how
     many there are, with the `rest` of this line."""
     from rich.markup import escape
     from rich.padding import Padding
@@ -173,7 +173,7 @@ def _print_notes(console, findings, rest: str) -> None:
 
 
 def _table(findings):
-    """What to change stands below the table, where there is room for it."""
+    """The changes stand below the table, where there is room for them."""
     from rich.table import Table
 
     table = Table()

@@ -108,7 +108,7 @@ def seconds_window(text: str | None) -> tuple[float, float] | None:
 
 
 def _complain_of(file: str, rec) -> None:
-    """What reading a file brought up, on standard error."""
+    """Remarks from reading a file, on standard error."""
     if rec.notes:
         complain(f"{file}: {'; '.join(rec.notes)}")
 

@@ -245,9 +245,9 @@ class Design:
 
 @dataclass(frozen=True)
 class Draw:
-    """How the values of a study's keys are combined. design: "grid" takes all combinations, "list"
-    the first values together, then the second ones; "random" and "latin-hypercube" draw `samples`
-    points with `seed`; "sobol" does so, too, and tells how much each key matters."""
+    """The combination of the values of a study's keys. design: "grid" takes all combinations,
+    "list" the first values together, then the second ones; "random" and "latin-hypercube" draw
+    `samples` points with `seed`; "sobol" does so, too, and tells how much each key matters."""
 
     design: str = GRID
     samples: int | None = None

@@ -98,7 +98,7 @@ class Study:
         return len(self.space)
 
     def as_json(self) -> dict[str, Any]:
-        """What is studied, for JSON. Two studies with the same have the same table."""
+        """The study's subject, for JSON. Two studies with the same have the same table."""
         points = self.space.design
         cycle = {"cycle": asdict(self.cycle)} if self.cycle else {}
         setup = {**self.setup.summary(), "controller": parameters(self.setup)}

@@ -1,4 +1,4 @@
-"""What one run of a study does. Workers call `do`, wherever they are."""
+"""One run of a study. Workers call `do`, wherever they are."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class OtherVersion(StudyError):
 
 @dataclass(frozen=True)
 class Runs:
-    """What each run of a study does. kind: "point" measures the steady state at the set-up's
+    """The task of each run of a study. kind: "point" measures the steady state at the set-up's
     operating point, "profile" its profile from `from_s` on, "cycle" follows the drive cycle
     `cycle`, with the figures of `cycle.UNITS`."""
 
@@ -68,8 +68,8 @@ class Runs:
 
 @dataclass(frozen=True)
 class Work:
-    """What all runs of a study share. from_s: a profile is measured from here to its end; limit_s:
-    longest wall-clock time of a run; identity: of the package that asks."""
+    """The common part of all runs of a study. from_s: a profile is measured from here to its end;
+    limit_s: longest wall-clock time of a run; identity: of the package that asks."""
 
     setup: Setup
     metrics: tuple[str, ...]
