@@ -16,6 +16,7 @@ from ..plant.legs import KINDS, MAX_BREAKS
 from ..plant.link import V
 from ..plant.load import load_record
 from ..plant.loop import (
+    LINK_CHANNELS,
     MAX_STEP_S,
     NO_INSTANTS,
     Chip,
@@ -76,7 +77,9 @@ class Hardware:
         self._timing = parts.timing(setup, self.controller, self._windings_step_s)
         self._instants = sample_instants(samples_per_period, counts)
         self.plant_state = model.initial(self._machine)
-        self.inverter = parts.inverter(setup, self.machine.phase_of_leg, self._machine)
+        self.inverter = parts.inverter(
+            setup, self.machine.phase_of_leg, self._machine, self.controller.port
+        )
         self._pwm = pwm_record()
         self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock_Hz))
         board = self.controller.port.board
@@ -148,6 +151,11 @@ class Hardware:
         """True voltage of the dc link."""
         link = self.inverter.link
         return float(link.x[V]) if link.on else self.vdc_V
+
+    def _more_channels(self) -> list[str]:
+        """Which of `loop.MORE_CHANNELS` a recording has."""
+        found = LINK_CHANNELS[: 3 if self.inverter.link.line_Hz else 2]
+        return [name for name, _ in found] if self.inverter.link.on else []
 
     def _advance(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         """Compute n periods, into rows for samples of the plant and for the firmware's channels.

@@ -70,7 +70,7 @@ class SimulatedDrive(Hardware, DriveVerbs):
         self._speed_refs = [(0.0, float(self.controller.get("speed_ref_rpm")))]
         self._burst: Burst | None = None
         displacement_deg = setup.machine_values()["displacement_deg"]
-        self._samples = Samples(samples_per_period, displacement_deg)
+        self._samples = Samples(samples_per_period, displacement_deg, self._more_channels())
         self._record_start = 0
         self._transitions = 0  # at `_record_start`
         self._all_transitions: np.ndarray = self._pwm.transitions  # a view

@@ -83,6 +83,7 @@ def sources(setup: Setup, of: str, version: int) -> dict[str, str]:
 def _plant(setup: Setup) -> dict[str, str]:
     """The plant in C and how it is at the beginning."""
     sim = SimulatedDrive(setup)
+    sim.inverter.more = 0  # its row has the columns that every set-up has
     parts = {
         "machine": sim._machine, "load": load_record(setup["load.kind"], 0.0, setup["load.at_rpm"]),
         "inverter": sim.inverter, "sensors": sim.sensors, "timing": sim._timing,

@@ -139,6 +139,7 @@ INVERTER = np.dtype(
         ("coming", COMING),
         ("devices", DEVICES),
         ("link", LINK),
+        ("more", "i8"),  # whether a record has `loop.MORE_CHANNELS`
         ("transform", "f8", (4, 6)),  # leg voltages to alpha, beta, x, y: how the leads are
         ("star", "i8", (6,)),  # the star point behind each leg, 0 or 1
         ("v_leg", "f8", (6,)),  # leg voltages against the negative rail
@@ -183,7 +184,7 @@ def inverter_record(
         part = inverter.link if name in LINK_KEYS else inverter.devices
         part[name] = value
     inverter.devices.drops = any(inverter.devices[name] for name in DROPS)
-    inverter.link.on = inverter.link.link_F > 0
+    inverter.link.on = inverter.more = inverter.link.link_F > 0
     return inverter
 
 

@@ -26,8 +26,9 @@ from .compiled import compiled, source_hash
 from .gates import suppress_short_pulses
 from .heat import add_heat
 from .inverter import advance, keep, put_back, set_leg, to_rails
-from .link import link_V
+from .link import LINE_A, V, link_V, source_A
 from .machine import rk4_step, rk4_two_steps, stator_currents, torque_Nm
+from .pins import high
 from .pwm import pwm_segment
 from .sensors import filter_currents, sample
 
@@ -45,6 +46,9 @@ PLANT_CHANNELS = (
     ("gates", ""),
 )
 
+#: More columns, which a record has only if the set-up has what they tell of: of the link, ...
+LINK_CHANNELS = (("link_V", "V"), ("source_A", "A"), ("line_A", "A"))
+MORE_CHANNELS = LINK_CHANNELS
 
 #: Longest integration step. The error of the phase currents falls with its fourth power
 #: and is 9e-8 of their amplitude at most here (docs/model.md, "Measured errors"): the
@@ -118,6 +122,10 @@ def _record(row, m, inv, y, i):
         # Two bits a leg: 0 low, 1 high, 2 off.
         gates = gates * 4 + inv.leg[leg]
     row[9] = gates
+    if inv.more != 0:
+        row[10] = inv.link.x[V]
+        row[11] = source_A(inv.link)
+        row[12] = inv.link.x[LINE_A]
 
 
 #: After the last sample of a period. No count is as late.
@@ -271,6 +279,8 @@ def _compile_run_periods(source: int):
             fast_isr(handle)
             if (first + period) % tm.slow_every == 0:
                 slow_isr(handle)
+            if inv.link.precharge_ohm > 0.0:
+                inv.link.bridged = high(inv.link.relay, regs)
             if width > 0:
                 read_channels(handle, target)
                 target += uint64(width)

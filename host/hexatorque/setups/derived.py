@@ -153,6 +153,10 @@ ALWAYS: dict[str, Rule] = {
     "i_full_A": Rule("the sensors'", lambda k: k.setup["sensors.i_full_A"]),
     "vdc_full_V": Rule("the sensors'", lambda k: k.setup["sensors.vdc_full_V"]),
     "link_F": Rule("the dc link's", lambda k: k.setup["inverter.link_F"]),
+    "precharge_V": Rule(
+        "0.8 of the source's voltage if inverter.precharge_ohm charges the link, else 0",
+        lambda k: 0.8 * k.setup["inverter.vdc_V"] if k.setup["inverter.precharge_ohm"] else 0.0,
+    ),
     "winding_K_W": Rule("of [heat]", lambda k: k.setup["heat.winding_K_W"]),
     "winding_s": Rule(
         "of [heat], over its time_lapse",

@@ -124,6 +124,21 @@ KEYS: dict[str, dict[str, Key]] = {
         "link_F": _n("capacitor of the dc link, fed from vdc_V; 0: a stiff link", "F", 0, 10, 0.0),
         "source_ohm": _n("resistance of the link's source", "ohm", 1e-4, 1e3, 0.1),
         "source_H": _n("inductance of the link's source", "H", 0, 1, 0.0),
+        "line_Hz": _n(
+            "the source is a six-pulse rectifier on a line of this frequency with source_ohm and "
+            "source_H each; vdc_V is its mean, 1.35 times the line-to-line voltage; 0: direct",
+            "Hz",
+            0,
+            1e3,
+            0.0,
+        ),
+        "precharge_ohm": _n(
+            "resistor that charges the link until the drive's relay bridges it, 0: none",
+            "ohm",
+            0,
+            1e5,
+            0.0,
+        ),
         "chopper_ohm": _n("resistance of the braking chopper, 0: none", "ohm", 0, 1e5, 0.0),
         "chopper_on_V": _n("the chopper comes on at this voltage", "V", 0, MOST_V, 0.0),
         "chopper_off_V": _n("and goes off at this one", "V", 0, MOST_V, 0.0),
@@ -263,6 +278,8 @@ ZERO_OR_AT_LEAST = {
     "machine.psi_knee_Wb": ("linear", 1e-3),  # smaller ones overflow the power law
     "inverter.link_F": ("a stiff link", 1e-6),
     "inverter.source_H": ("none", 1e-7),
+    "inverter.line_Hz": ("a direct source", 1.0),
+    "inverter.precharge_ohm": ("none", 1e-3),
     "heat.winding_K_W": ("no temperatures", 1e-5),
     "inverter.chopper_ohm": ("none", 1e-3),
     "rated.torque_Nm": ("not known", 1e-4),
@@ -283,7 +300,10 @@ PROFILE: dict[str, Key] = {
     "load_Nm": Key("steps", "load torque", "N m", -MOST_NM, MOST_NM),
     "vdc_V": Key("steps", "dc-link voltage; with link_F that of its source", "V", 0, MOST_V),
     "set": Key("entries", "parameters in flight: [[time_s, name, value], ...]"),
-    "command": Key("entries", "[[time_s, stop or start], ...]; the drive is started at time 0"),
+    "command": Key(
+        "entries",
+        "[[time_s, stop or start], ...]; the drive is started at time 0 unless the first is a start",
+    ),
     "broken": Key("entries", "legs that break: [[time_s, phase, kind], ...]"),
     "samples_per_period": Key("samples", "samples of the plant per control period"),
 }

@@ -10,6 +10,7 @@ from typing import Any
 from ..given import pairs
 from ..plant.machines import constants_of
 from . import derived, paths, to_parameters
+from .design import highest_source_V
 from .keys import KEYS, MODEL, ZERO_OR_AT_LEAST, foreign
 from .values import Profile, SetupError, Value
 
@@ -217,11 +218,33 @@ def _link_lines(setup: Setup) -> list[str]:
     """The same about the dc link: a chopper below its source would heat with the source's energy,
     and without a capacitor there is nothing that it could change."""
     lines = []
+    for key, why in (
+        ("line_Hz", "a rectifier feeds a capacitor"),
+        ("precharge_ohm", "else there is nothing to charge"),
+        ("chopper_ohm", "else nothing rises"),
+    ):
+        if setup[f"inverter.{key}"] > 0 and setup["inverter.link_F"] == 0:
+            lines.append(f"inverter.{key} needs inverter.link_F above 0: {why}")
+    if setup["inverter.line_Hz"] > 0 and setup["inverter.source_H"] == 0:
+        lines.append(
+            "inverter.line_Hz needs inverter.source_H above 0: a line without inductance has no "
+            "commutation"
+        )
+    if setup["inverter.precharge_ohm"] > 0:
+        volts, level_V = setup["inverter.vdc_V"], setup["controller.precharge_V"]
+        if level_V == 0:
+            lines.append(
+                "inverter.precharge_ohm needs controller.precharge_V above 0: else no relay "
+                "bridges it"
+            )
+        elif level_V >= volts:
+            lines.append(
+                f"controller.precharge_V = {level_V:g}: allowed is less than {volts:g} V, "
+                "inverter.vdc_V, to which the resistor charges the link"
+            )
     if setup["inverter.chopper_ohm"] > 0:
         off_V, on_V = setup["inverter.chopper_off_V"], setup["inverter.chopper_on_V"]
-        highest_V = max([setup["inverter.vdc_V"], *(volts for _, volts in setup.profile.vdc_V)])
-        if setup["inverter.link_F"] == 0:
-            lines.append("inverter.chopper_ohm needs inverter.link_F above 0: else nothing rises")
+        highest_V = highest_source_V(setup)
         if off_V <= highest_V:
             lines.append(
                 f"inverter.chopper_off_V = {off_V:g}: allowed is more than {highest_V:g} V, "

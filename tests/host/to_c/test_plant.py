@@ -35,6 +35,8 @@ ARC = {"inverter.arc_V": 25.0, "inverter.restrike_V_per_ms": 50.0, "inverter.bou
 HEAT = {"heat.winding_K_W": 0.5, "heat.time_lapse": 100.0}
 LINK = {"inverter.link_F": 200e-6, "inverter.source_ohm": 0.5}
 LINK_H = LINK | {"inverter.source_H": 1e-3}
+LINE = LINK_H | {"inverter.line_Hz": 50.0}
+PRECHARGE = LINE | {"inverter.precharge_ohm": 5.0, "controller.precharge_V": 200.0}
 
 
 def chopper(on_V):
@@ -70,6 +72,15 @@ def brake_and_stop(sim, charged_V=0.0):
     sim.set("speed_ref_rpm", -400.0)
     sim.run(0.06)
     sim.stop()
+    sim.run(0.06)
+
+
+def precharge_and_run(sim):
+    sim.run(0.25)
+    sim.start()
+    sim.run(0.13)
+    sim.stop()
+    sim.inverter.link.x[V] = 50.0
     sim.run(0.06)
 
 
@@ -155,6 +166,10 @@ COURSES = {
             BEARS | LINK_H | {"inverter.link_F": 30e-6} | chopper(303.0),
             charged,
         ),
+        "rectifier": ("paper-b", BEARS | LINE, OPEN),
+        "rectifier, gaps": ("paper-b", LINE | {"inverter.link_F": 20e-6}, run_and_stop),
+        "precharge": ("paper-b", PRECHARGE, precharge_and_run),
+        "precharge, direct": ("paper-b", PRECHARGE | {"inverter.line_Hz": 0.0, "inverter.source_H": 0.0}, precharge_and_run),
     },
     "saturable": {
         "whole": ("paper-b", {"machine.psi_knee_Wb": 0.8}, run_and_stop),
