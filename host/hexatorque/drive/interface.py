@@ -224,9 +224,9 @@ class DriveVerbs(ABC):
     def run_profile(
         self, profile: Profile, progress: Progress | None = None, record: bool = True
     ) -> None:
-        """Start the drive and follow a profile, whose time 0 is now; if its first command is a start,
-        the drive waits for it. `progress` and `record` are
-        as in `run`. An error names what of the profile this drive cannot do."""
+        """Start the drive and follow a profile, whose time 0 is now. If its first command is a
+        start, the drive waits for it. `progress` and `record` are as in `run`. An error names what
+        of the profile this drive cannot do."""
         events: list[tuple[float, str, object]] = []
         events += [(t, "speed_ref_rpm", v) for t, v in profile.speed_rpm]
         events += [(t, "load_Nm", v) for t, v in profile.load_Nm]

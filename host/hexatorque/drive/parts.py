@@ -87,8 +87,8 @@ def _shortest_link_step_s(link: np.record, machine: np.record) -> float:
     return min(found)
 
 
-#: Words from the levels of a GPIO port to those of the next, and where a port's directions are among
-#: its control registers.
+#: Words from the levels of a GPIO port to those of the next, and where a port's directions are
+#: among its control registers.
 _PORT_WORDS, _DIRECTIONS = 8, 0x0A
 
 

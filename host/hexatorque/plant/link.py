@@ -10,9 +10,9 @@ chopper between its two levels, change at instants that the integration locates 
 The energies that flow are integrated beside the voltage, with the same steps.
 
 With a line's frequency the source is a six-pulse rectifier with ideal diodes behind three lines
-that have this resistance and inductance each. v_source is what the rectifier has in the mean without
-a current, 3/pi of the line-to-line voltage's peak. While the lines of a set S conduct, at the rail
-u_k = v (upper diode) or 0 (lower):
+that have this resistance and inductance each. v_source is what the rectifier has in the mean
+without a current, 3/pi of the line-to-line voltage's peak. While the lines of a set S conduct, at
+the rail u_k = v (upper diode) or 0 (lower):
 
     L di_k/dt = e_k - R i_k - u_k - n,    n = mean over S of (e_k - u_k)
 
@@ -128,8 +128,8 @@ def _line_V(link, x, line):
 
 @compiled
 def _rail_and_shift(link, x):
-    """Voltage of the rectifier's upper rail against the lower one, and that of the lower one against
-    the lines' star point while any of them conduct."""
+    """Voltage of the rectifier's upper rail against the lower one, and that of the lower one
+    against the lines' star point while any of them conduct."""
     rail = x[V]
     if link.bridged == 0:
         rail += link.precharge_ohm * x[I_SOURCE]

@@ -302,7 +302,8 @@ PROFILE: dict[str, Key] = {
     "set": Key("entries", "parameters in flight: [[time_s, name, value], ...]"),
     "command": Key(
         "entries",
-        "[[time_s, stop or start], ...]; the drive is started at time 0 unless the first is a start",
+        "[[time_s, stop or start], ...]; the drive is started at time 0 unless the first one is a "
+        "start",
     ),
     "broken": Key("entries", "legs that break: [[time_s, phase, kind], ...]"),
     "samples_per_period": Key("samples", "samples of the plant per control period"),

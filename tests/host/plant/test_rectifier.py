@@ -8,7 +8,15 @@ from scipy.integrate import solve_ivp
 from hexatorque import SetupError, SimulatedDrive, load
 from hexatorque.plant.inverter import inverter_record
 from hexatorque.plant.link import (
-    DRIVE_J, I_SOURCE, LINE_A, LINE_RAD, RESISTANCE_J, SOURCE_J, STATES, V, charge,
+    DRIVE_J,
+    I_SOURCE,
+    LINE_A,
+    LINE_RAD,
+    RESISTANCE_J,
+    SOURCE_J,
+    STATES,
+    V,
+    charge,
 )  # fmt: skip
 from hexatorque.plant.machines.induction import Parameters, make
 
@@ -42,7 +50,9 @@ def run(symmetric, seconds, at_V=MEAN_V, step_s=50e-6, **link):
 class Reference:
     """The same circuit. The diodes change at events of scipy's integration."""
 
-    def __init__(self, link_F, source_ohm, source_H, line_Hz, chopper_ohm=np.inf, precharge_ohm=0.0):
+    def __init__(
+        self, link_F, source_ohm, source_H, line_Hz, chopper_ohm=np.inf, precharge_ohm=0.0
+    ):
         self.farad, self.ohm, self.henry, self.hertz = link_F, source_ohm, source_H, line_Hz
         self.load_ohm, self.precharge_ohm = chopper_ohm, precharge_ohm
         self.on = np.zeros(3, int)
@@ -74,6 +84,7 @@ class Reference:
                     self.on[k] = int(e[k] - shift > rail) - int(e[k] < shift)
             events = []
             for k in range(3):
+
                 def ends(t, z, k=k):
                     _, i, e, rail, _, shift = self.parts(t, z)
                     if self.on[k]:
@@ -81,6 +92,7 @@ class Reference:
                     if not self.on.any():
                         return rail - np.ptp(e) + 1e-9
                     return min(rail - e[k] + shift, e[k] - shift) + 1e-9
+
                 ends.terminal, ends.direction = True, -1
                 events.append(ends)
             done = solve_ivp(
@@ -154,11 +166,11 @@ def test_the_mean_voltage_is_that_of_the_line_less_the_drop_of_the_commutation(h
 
 
 def test_without_a_load_the_capacitor_has_the_peak_and_nothing_flows_back(symmetric):
-    link, rows = run(symmetric, 0.5, at_V=0.99 * np.pi / 3 * MEAN_V, **IDLE)
+    _, rows = run(symmetric, 0.5, at_V=0.99 * np.pi / 3 * MEAN_V, **IDLE)
     assert np.sqrt(3) * PEAK_V == pytest.approx(np.pi / 3 * MEAN_V)
     assert rows[-1, V] == pytest.approx(np.pi / 3 * MEAN_V, rel=2e-3)
     assert np.all(np.diff(rows[:, V]) >= 0) and rows[:, I_SOURCE].min() >= 0
-    raised, states = run(symmetric, 0.1, at_V=700.0, **IDLE)
+    _, states = run(symmetric, 0.1, at_V=700.0, **IDLE)
     assert np.array_equal(states[:, V], np.full(len(states), 700.0))
     assert np.all(states[:, SOURCE_J] == 0)
 
@@ -174,7 +186,7 @@ def test_an_empty_link_charges_through_the_resistor_which_takes_as_much_as_the_c
     inv = inverter_record(**direct)
     charge(inv.link, MEAN_V)
     assert inv.link.x[V] == 0 and inv.link.bridged == 0
-    link, rows = run(symmetric, 1.0, at_V=0.0, **direct)
+    _, rows = run(symmetric, 1.0, at_V=0.0, **direct)
     assert rows[999, V] == pytest.approx(MEAN_V * (1 - np.exp(-1)), rel=1e-6)
     half_J = 0.5e-3 * MEAN_V**2
     assert rows[-1, RESISTANCE_J] == pytest.approx(half_J, rel=1e-6)
@@ -289,7 +301,9 @@ def test_a_mistake_about_the_line_is_told_in_one_line(what):
                for line in str(refused.value).splitlines()[:1])  # fmt: skip
 
 
-@pytest.mark.parametrize("level_V, told", ((0.0, "no relay bridges it"), (250.0, "less than 250 V")))
+@pytest.mark.parametrize(
+    "level_V, told", ((0.0, "no relay bridges it"), (250.0, "less than 250 V"))
+)
 def test_a_relay_that_would_never_close_is_told(level_V, told):
     with pytest.raises(SetupError, match=told):
         drive(**{"inverter.precharge_ohm": 47.0, "controller.precharge_V": level_V})

@@ -36,7 +36,12 @@ HEAT = {"heat.winding_K_W": 0.5, "heat.time_lapse": 100.0}
 LINK = {"inverter.link_F": 200e-6, "inverter.source_ohm": 0.5}
 LINK_H = LINK | {"inverter.source_H": 1e-3}
 LINE = LINK_H | {"inverter.line_Hz": 50.0}
-PRECHARGE = LINE | {"inverter.precharge_ohm": 5.0, "controller.precharge_V": 200.0}
+PRECHARGE = LINE | {
+    "inverter.link_F": 2e-3,
+    "inverter.precharge_ohm": 5.0,
+    "controller.precharge_V": 200.0,
+}
+DIRECT = {"inverter.line_Hz": 0.0, "inverter.source_H": 0.0}
 
 
 def chopper(on_V):
@@ -76,7 +81,7 @@ def brake_and_stop(sim, charged_V=0.0):
 
 
 def precharge_and_run(sim):
-    sim.run(0.25)
+    sim.run(0.4)
     sim.start()
     sim.run(0.13)
     sim.stop()
@@ -169,7 +174,7 @@ COURSES = {
         "rectifier": ("paper-b", BEARS | LINE, OPEN),
         "rectifier, gaps": ("paper-b", LINE | {"inverter.link_F": 20e-6}, run_and_stop),
         "precharge": ("paper-b", PRECHARGE, precharge_and_run),
-        "precharge, direct": ("paper-b", PRECHARGE | {"inverter.line_Hz": 0.0, "inverter.source_H": 0.0}, precharge_and_run),
+        "precharge, direct": ("paper-b", PRECHARGE | DIRECT, precharge_and_run),
     },
     "saturable": {
         "whole": ("paper-b", {"machine.psi_knee_Wb": 0.8}, run_and_stop),
