@@ -12,10 +12,13 @@ from ..plant import breaks, machines
 from ..plant.edges import EdgeLog, Edges
 from ..plant.gates import gates_record
 from ..plant.heat import STEP_S, Bodies
+from ..plant.junctions import Junctions
 from ..plant.legs import KINDS, MAX_BREAKS
 from ..plant.link import V
 from ..plant.load import load_record
 from ..plant.loop import (
+    DEVICE_CHANNELS,
+    HEAT_CHANNELS,
     LINK_CHANNELS,
     MAX_STEP_S,
     NO_INSTANTS,
@@ -40,6 +43,8 @@ RESET_TICKS = 0x10000  # the timer's period after a reset of the chip
 #: from its limit of stability, and the error of a step is 1e-7. For the papers' machines this
 #: allows more than twice 100 us.
 STEP_SHARE = 0.1
+#: Of the inverter: its commutations.
+SWITCHING = ("e_on_mJ", "e_off_mJ", "e_ref_V", "e_ref_A")
 
 
 class Hardware:
@@ -80,6 +85,10 @@ class Hardware:
         self.inverter = parts.inverter(
             setup, self.machine.phase_of_leg, self._machine, self.controller.port
         )
+        energies = {key: setup[f"inverter.{key}"] for key in SWITCHING}
+        #: Temperatures of the devices, if the set-up has `heat.switch_K_W` or `diode_K_W`.
+        self.junctions = Junctions(heat, self.inverter, energies)
+        self.inverter.more = bool(self._more_channels())
         self._pwm = pwm_record()
         self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock_Hz))
         board = self.controller.port.board
@@ -154,13 +163,18 @@ class Hardware:
 
     def _more_channels(self) -> list[str]:
         """Which of `loop.MORE_CHANNELS` a recording has."""
-        found = LINK_CHANNELS[: 3 if self.inverter.link.line_Hz else 2]
-        return [name for name, _ in found] if self.inverter.link.on else []
+        link = self.inverter.link
+        groups = (
+            (LINK_CHANNELS[: 3 if link.line_Hz else 2], link.on),
+            (HEAT_CHANNELS, self.bodies.on),
+            (DEVICE_CHANNELS, self.junctions.on),
+        )
+        return [name for group, on in groups if on for name, _ in group]
 
     def _advance(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         """Compute n periods, into rows for samples of the plant and for the firmware's channels.
         Both may be empty."""
-        if not self.bodies.on:
+        if not (self.bodies.on or self.junctions.on):
             self._compute(0, n, plant, channels)
             return
         done = 0
@@ -172,7 +186,9 @@ class Hardware:
             done += part
             self._unheated += part
             if self._unheated >= whole:
-                self.bodies.advance(self._unheated * self.period_s)
+                for followed in (self.bodies, self.junctions):
+                    if followed.on:
+                        followed.advance(self._unheated * self.period_s)
                 self._unheated = 0
 
     def _compute(self, first: int, n: int, plant: np.ndarray, channels: np.ndarray) -> None:

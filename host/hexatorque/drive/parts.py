@@ -10,7 +10,8 @@ import numpy as np
 
 from .. import firmware
 from ..plant import load as loads
-from ..plant.inverter import DROPS, inverter_record, longest_step_s
+from ..plant.inverter import inverter_record, longest_step_s
+from ..plant.legs import DROPS
 from ..plant.link import LINK_KEYS, charge, longest_link_step_s
 from ..plant.loop import TIMING
 from ..plant.machines import constants_of

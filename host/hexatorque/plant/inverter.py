@@ -25,7 +25,8 @@ import numpy as np
 
 from .breaks import COMING
 from .compiled import compiled, source_hash
-from .legs import BLOCKED, BREAK, HIGH, LOW, LOWER, OFF, OPEN, UPPER, WHOLE
+from .junctions import JUNCTIONS, commutate
+from .legs import BLOCKED, BREAK, DROPS, HIGH, LOW, LOWER, OFF, OPEN, UPPER, WHOLE
 from .link import (
     LINK,
     LINK_KEYS,
@@ -139,6 +140,7 @@ INVERTER = np.dtype(
         ("coming", COMING),
         ("devices", DEVICES),
         ("link", LINK),
+        ("junctions", JUNCTIONS),
         ("more", "i8"),  # whether a record has `loop.MORE_CHANNELS`
         ("transform", "f8", (4, 6)),  # leg voltages to alpha, beta, x, y: how the leads are
         ("star", "i8", (6,)),  # the star point behind each leg, 0 or 1
@@ -154,10 +156,6 @@ INVERTER = np.dtype(
         ("i", "f8", (4,)),
     ]
 )
-
-
-#: Conduction drops, as `inverter_record` and the set-up's section name them.
-DROPS = ("v_switch_V", "v_diode_V", "r_switch_ohm", "r_diode_ohm")
 
 
 def inverter_record(
@@ -184,7 +182,7 @@ def inverter_record(
         part = inverter.link if name in LINK_KEYS else inverter.devices
         part[name] = value
     inverter.devices.drops = any(inverter.devices[name] for name in DROPS)
-    inverter.link.on = inverter.more = inverter.link.link_F > 0
+    inverter.link.on = inverter.link.link_F > 0
     return inverter
 
 
@@ -214,6 +212,8 @@ def set_leg(inv, m, y, leg, state):
     if state == OFF and inv.leg[leg] != OFF:
         i = phase_current(m, y, leg)
         inv.diode[leg] = 1 if i > 0.0 else (-1 if i < 0.0 else 0)
+    if inv.junctions.on != 0:
+        commutate(inv, leg, inv.leg[leg], state, phase_current(m, y, leg))
     inv.off += int(state == OFF) - int(inv.leg[leg] == OFF)
     inv.leg[leg] = state
 

@@ -26,6 +26,7 @@ from .compiled import compiled, source_hash
 from .gates import suppress_short_pulses
 from .heat import add_heat
 from .inverter import advance, keep, put_back, set_leg, to_rails
+from .junctions import add_conduction
 from .link import LINE_A, V, link_V, source_A
 from .machine import rk4_step, rk4_two_steps, stator_currents, torque_Nm
 from .pins import high
@@ -48,7 +49,10 @@ PLANT_CHANNELS = (
 
 #: More columns, which a record has only if the set-up has what they tell of: of the link, ...
 LINK_CHANNELS = (("link_V", "V"), ("source_A", "A"), ("line_A", "A"))
-MORE_CHANNELS = LINK_CHANNELS
+#: of the machine's temperatures, of the devices', ...
+HEAT_CHANNELS = (("winding_degC", "degC"), ("frame_degC", "degC"))
+DEVICE_CHANNELS = (("junction_degC", "degC"), ("sink_degC", "degC"))
+MORE_CHANNELS = (*LINK_CHANNELS, *HEAT_CHANNELS, *DEVICE_CHANNELS)
 
 #: Longest integration step. The error of the phase currents falls with its fourth power
 #: and is 9e-8 of their amplitude at most here (docs/model.md, "Measured errors"): the
@@ -126,6 +130,10 @@ def _record(row, m, inv, y, i):
         row[10] = inv.link.x[V]
         row[11] = source_A(inv.link)
         row[12] = inv.link.x[LINE_A]
+        row[13] = m.heat.winding_degC
+        row[14] = m.heat.frame_degC
+        row[15] = inv.junctions.hottest_degC
+        row[16] = inv.junctions.sink_degC
 
 
 #: After the last sample of a period. No count is as late.
@@ -160,6 +168,7 @@ def _compile_follow(source: int):
         trial1 = inv.kept.y[:]  # `keep` uses it where `advance` is called
         known = False  # whether inv.v belongs to the legs
         ideal = inv.devices.drops == 0 and inv.link.on == 0
+        inv.junctions.vdc_V = vdc
         now = c0
         tick = instants[k]
         e = 0
@@ -218,6 +227,8 @@ def _compile_follow(source: int):
                 advance(inv, m, load, y, dt, vdc)
             if m.heat.on != 0:
                 add_heat(m, y, dt)
+            if inv.junctions.on != 0:
+                add_conduction(inv, m, y, dt)
             if se.i_filter_rad_s > 0.0:
                 filter_currents(se, m, y, dt)
             now = stop

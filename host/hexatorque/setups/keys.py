@@ -28,7 +28,7 @@ LATENCIES = ("none", "immediate", "shadow", "predicted")
 class Key:
     """One quantity of a set-up."""
 
-    #: "number", "integer", "phases" (six numbers), "harmonics" (four), "choice"; a profile's too
+    #: "number", "integer", "phases" (six numbers), "harmonics" (four), "pairs" (four), "choice"; a profile's too
     kind: str
     help: str
     unit: str = ""
@@ -46,6 +46,10 @@ def _n(help: str, unit: str, low: float, high: float, default: float | None = No
 
 def _six(help: str, unit: str, low: float, high: float, default: float = 0.0) -> Key:
     return Key("phases", help, unit, low, high, default=(default,) * 6)
+
+
+def _four(help: str, unit: str, low: float, high: float, default: tuple[float, ...]) -> Key:
+    return Key("pairs", help, unit, low, high, default=default)
 
 
 #: Largest dc-link voltage: 13.8 kV machines, with the sensors' range above it. Largest speed:
@@ -219,6 +223,24 @@ KEYS: dict[str, dict[str, Key]] = {
         "frame_s": _n("thermal time constant of the frame", "s", 0.01, 1e6, 1800.0),
         "ambient_degC": _n("ambient temperature, and the machine's", "degC", -50, 150, 40.0),
         "ohm_degC": _n("temperature at which rs_ohm and rr_ohm are stated", "degC", -50, 250, 20.0),
+        "switch_K_W": _four(
+            "thermal resistances of a switch, from the junction to the heat sink, as a Foster chain; "
+            "these and diode_K_W all 0: no temperatures of devices",
+            "K/W",
+            0,
+            1e3,
+            (0.0,) * 4,
+        ),
+        "switch_s": _four("their time constants", "s", 1e-5, 1e4, (1e-3, 1e-2, 0.1, 1.0)),
+        "diode_K_W": _four("the same of a diode", "K/W", 0, 1e3, (0.0,) * 4),
+        "diode_s": _four("their time constants", "s", 1e-5, 1e4, (1e-3, 1e-2, 0.1, 1.0)),
+        "sink_K_W": _n("thermal resistance from the heat sink to the ambient", "K/W", 0, 1e3, 0.0),
+        "sink_s": _n("thermal time constant of the heat sink", "s", 0.01, 1e6, 300.0),
+        "devices_degC": _n("temperature at which the drops are stated", "degC", -50, 250, 25.0),
+        "switch_V_per_K": _n("relative change of v_switch_V", "1/K", -0.02, 0.02, -1e-3),
+        "switch_ohm_per_K": _n("relative change of r_switch_ohm", "1/K", -0.02, 0.02, 4e-3),
+        "diode_V_per_K": _n("relative change of v_diode_V", "1/K", -0.02, 0.02, -2e-3),
+        "diode_ohm_per_K": _n("relative change of r_diode_ohm", "1/K", -0.02, 0.02, 2e-3),
         "time_lapse": _n("temperatures change so many times as quickly", "", 1, 1e5, 1.0),
     },
     "rated": {

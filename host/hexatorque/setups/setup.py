@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from ..given import pairs
+from ..plant.legs import DROPS
 from ..plant.machines import constants_of
 from . import derived, paths, to_parameters
 from .design import highest_source_V
@@ -204,13 +205,21 @@ _HEAT_S = 0.05
 
 def _heat_lines(setup: Setup) -> list[str]:
     """The same about temperatures: so quick a time lapse would leave them behind the currents."""
+    lines = []
+    chains = [key for key in ("switch_K_W", "diode_K_W") if any(setup[f"heat.{key}"])]
+    heats = (*(f"inverter.{key}" for key in DROPS), "inverter.e_on_mJ", "inverter.e_off_mJ")
+    if chains and not any(setup[path] for path in heats):
+        lines.append(
+            f"heat.{chains[0]} needs one of {', '.join(heats)} above 0: else nothing heats a device"
+        )
     shortest_s = min(setup["heat.winding_s"], setup["heat.frame_s"])
     most = shortest_s / _HEAT_S
     if setup["heat.winding_K_W"] == 0 or setup["heat.time_lapse"] <= most:
-        return []
+        return lines
     return [
+        *lines,
         f"heat.time_lapse = {setup['heat.time_lapse']:g}: allowed is up to {most:g} with a "
-        f"thermal time constant of {shortest_s:g} s"
+        f"thermal time constant of {shortest_s:g} s",
     ]
 
 

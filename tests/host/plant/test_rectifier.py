@@ -75,7 +75,7 @@ class Reference:
         t = 0.0
         out = [(t, z)]
         while t < end:
-            v, i, e, rail, _, shift = self.parts(t, z)
+            _, _, e, rail, _, shift = self.parts(t, z)
             if not self.on.any():
                 if np.ptp(e) > rail:
                     self.on[e.argmax()], self.on[e.argmin()] = 1, -1
@@ -125,7 +125,7 @@ def test_conduction_intervals_and_currents_are_those_of_an_independent_integrati
 ):
     link = IDLE | changes
     reference = Reference(**link)
-    times, states = reference.follow(np.array([MEAN_V, 0, 0, 0]), 0.03)
+    _, states = reference.follow(np.array([MEAN_V, 0, 0, 0]), 0.03)
     _, rows = run(symmetric, 0.03, **link)
     last = states[-1]
     assert abs(rows[-1, V] - last[0]) < 1e-6 * MEAN_V

@@ -33,6 +33,13 @@ DROPS = {
 }
 ARC = {"inverter.arc_V": 25.0, "inverter.restrike_V_per_ms": 50.0, "inverter.bounce_ms": 2.0}
 HEAT = {"heat.winding_K_W": 0.5, "heat.time_lapse": 100.0}
+DEVICES = {
+    "heat.switch_K_W": [0.1, 0.2, 0.3, 0.4],
+    "inverter.e_on_mJ": 1.0,
+    "inverter.e_off_mJ": 1.0,
+    "inverter.e_ref_V": 300.0,
+    "inverter.e_ref_A": 10.0,
+}
 LINK = {"inverter.link_F": 200e-6, "inverter.source_ohm": 0.5}
 LINK_H = LINK | {"inverter.source_H": 1e-3}
 LINE = LINK_H | {"inverter.line_Hz": 50.0}
@@ -81,7 +88,7 @@ def brake_and_stop(sim, charged_V=0.0):
 
 
 def precharge_and_run(sim):
-    sim.run(0.4)
+    sim.run(0.5)
     sim.start()
     sim.run(0.13)
     sim.stop()
@@ -164,6 +171,8 @@ COURSES = {
         "symmetrical": ("symmetrical", {}, run_and_stop),
         "iron": ("paper-b", BEARS | IRON, OPEN),
         "heat": ("paper-b", IRON | HEAT, run_and_stop),
+        "devices": ("paper-b", BEARS | DROPS | DEVICES, SWITCHES),
+        "devices, arc": ("paper-b", BEARS | DROPS | DEVICES | ARC | LINK, OPEN),
         "link": ("paper-b", BEARS | LINK, OPEN),
         "link, inductance": ("paper-b", BEARS | LINK_H, brake_and_stop),
         "link, chopper": (
@@ -192,6 +201,7 @@ COURSES = {
         "salient": ("magnet-interior", {}, BLOCKED),
         "link": ("magnet-interior", LINK, run_and_stop),
         "heat": ("magnet-interior", HEAT, run_and_stop),
+        "devices": ("magnet-interior", DROPS | DEVICES, run_and_stop),
     },
 }
 
