@@ -15,8 +15,10 @@ from ..plant.heat import STEP_S, Bodies
 from ..plant.junctions import Junctions
 from ..plant.legs import KINDS, MAX_BREAKS
 from ..plant.link import V
-from ..plant.load import load_record
+from ..plant.load import set_load
+from ..plant.load_kinds import LOADS
 from ..plant.loop import (
+    BRAKE_CHANNELS,
     DEVICE_CHANNELS,
     HEAT_CHANNELS,
     LINK_CHANNELS,
@@ -99,7 +101,9 @@ class Hardware:
         tbprd = self.controller.port.leg[0] + self.controller.map.tbprd
         self._timer_words = np.array([tbprd, TIMER_PERIOD, TIMER_PERIOD + 1])
         self._timers_followed = b""
-        self.load_Nm = 0.0
+        self.load_Nm = self._load_set_Nm = 0.0
+        self._load_kind = LOADS.index(setup["load.kind"])
+        self._load = parts.load(setup, self._machine, self.inverter, self.controller.port)
         self.vdc_V = setup["inverter.vdc_V"]
         self.periods = 0
         self._begun, self._begun_s = 0, 0.0  # periods and time when the rate last changed
@@ -156,6 +160,11 @@ class Hardware:
         return self.plant_state[6] * 30 / math.pi
 
     @property
+    def brake(self) -> np.record:
+        """State of the holding brake, a record of plant.brake."""
+        return self._load.brake
+
+    @property
     def link_V(self) -> float:
         """True voltage of the dc link."""
         link = self.inverter.link
@@ -168,6 +177,7 @@ class Hardware:
             (LINK_CHANNELS[: 3 if link.line_Hz else 2], link.on),
             (HEAT_CHANNELS, self.bodies.on),
             (DEVICE_CHANNELS, self.junctions.on),
+            (BRAKE_CHANNELS, self.setup["load.holding_Nm"] > 0),
         )
         return [name for group, on in groups if on for name, _ in group]
 
@@ -193,7 +203,10 @@ class Hardware:
 
     def _compute(self, first: int, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         """The same from the period `first` of a call on."""
-        load = load_record(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
+        load = self._load
+        if self.load_Nm != self._load_set_Nm:
+            set_load(load, self._load_kind, self.load_Nm, self.setup["load.at_rpm"])
+            self._load_set_Nm = self.load_Nm
         shaft_step_s = parts.shaft_step_s(self.setup, load, self.load_Nm, self._swing_per_s)
         longest_s = min(self._windings_step_s, shaft_step_s)
         self._timing.max_step = max(1, int(longest_s * self._timing.clock_Hz))

@@ -78,6 +78,19 @@ def inverter(
     return made
 
 
+def load(setup: Setup, machine: np.record, inverter: np.record, port: firmware.CData) -> np.record:
+    """What is on the shaft, without a load yet; a holding brake is closed. port: the firmware's."""
+    made = loads.load_record(setup["load.kind"], 0.0, setup["load.at_rpm"]).copy()
+    brake = made.brake
+    brake.torque_Nm = brake.closed_Nm = inverter.brake_Nm = setup["load.holding_Nm"]
+    brake.open_s, brake.close_s = setup["load.holding_open_s"], setup["load.holding_close_s"]
+    brake.inertia_kgm2 = machine.inertia
+    set_pin(brake.pin, port, firmware.lib.HT_OUT_BRAKE)
+    if brake.torque_Nm:
+        brake.held, machine.inertia = 1, np.inf
+    return made
+
+
 def _shortest_link_step_s(link: np.record, machine: np.record) -> float:
     """With the precharge resistor and without it."""
     found = []

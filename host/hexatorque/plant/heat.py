@@ -120,7 +120,7 @@ class Bodies:
         self._m.heat.frame_degC = self.frame_degC
         made = self._make(replace(p, **changed))
         for name in names_of(made.dtype):
-            if name != "heat":
+            if name not in ("heat", "inertia"):  # a brake may hold the shaft
                 self._m[name] = made[name]
 
     def _step(self, time_s: float) -> np.ndarray:

@@ -141,6 +141,7 @@ INVERTER = np.dtype(
         ("devices", DEVICES),
         ("link", LINK),
         ("junctions", JUNCTIONS),
+        ("brake_Nm", "f8"),  # what the shaft's brake holds: for a record
         ("more", "i8"),  # whether a record has `loop.MORE_CHANNELS`
         ("transform", "f8", (4, 6)),  # leg voltages to alpha, beta, x, y: how the leads are
         ("star", "i8", (6,)),  # the star point behind each leg, 0 or 1

@@ -1,4 +1,4 @@
-"""The temperatures of the inverter's devices: a Foster chain for each junction, above one heat sink.
+"""The temperatures of the inverter's devices: a Foster chain for each, above one heat sink.
 
 A leg has four devices, a switch and a diode at each rail. With the power P of a device, n = 1 .. 4:
 
@@ -7,8 +7,8 @@ A leg has four devices, a switch and a diode at each rail. With the power P of a
 
 The compiled loop adds up what conduction needs, |i| and i^2, and the energy of each commutation
 (`add_conduction`, `commutate`). As with the machine's bodies (heat.py), every few milliseconds the
-chains advance under their mean powers, exactly. Then the thresholds and on-resistances follow: those
-of all switches the mean of their junctions, those of all diodes theirs.
+chains advance under their mean powers, exactly. Then the thresholds and on-resistances follow:
+those of all switches the mean of their junctions, those of all diodes theirs.
 
 A commutation's energy comes from the link's capacitor if there is one.
 """
@@ -93,8 +93,8 @@ def _spend(inv, leg, device, J_VA, i):
 
 @compiled
 def commutate(inv, leg, before, after, i):
-    """A leg with the current i changes its state. A switch that carries the current turns off, or one
-    turns on that will carry it; other edges cost nothing."""
+    """A leg with the current i changes its state. A switch that carries the current turns off, or
+    one turns on that will carry it; other edges cost nothing."""
     if before == after:
         return
     j = inv.junctions

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import uint64
 
+from .brake import command_brake, settle_brake
 from .breaks import push_breaks
 from .compiled import compiled, source_hash
 from .gates import suppress_short_pulses
@@ -52,7 +53,9 @@ LINK_CHANNELS = (("link_V", "V"), ("source_A", "A"), ("line_A", "A"))
 #: of the machine's temperatures, of the devices', ...
 HEAT_CHANNELS = (("winding_degC", "degC"), ("frame_degC", "degC"))
 DEVICE_CHANNELS = (("junction_degC", "degC"), ("sink_degC", "degC"))
-MORE_CHANNELS = (*LINK_CHANNELS, *HEAT_CHANNELS, *DEVICE_CHANNELS)
+#: and what the holding brake holds.
+BRAKE_CHANNELS = (("brake_Nm", "N m"),)
+MORE_CHANNELS = (*LINK_CHANNELS, *HEAT_CHANNELS, *DEVICE_CHANNELS, *BRAKE_CHANNELS)
 
 #: Longest integration step. The error of the phase currents falls with its fourth power
 #: and is 9e-8 of their amplitude at most here (docs/model.md, "Measured errors"): the
@@ -134,6 +137,7 @@ def _record(row, m, inv, y, i):
         row[14] = m.heat.frame_degC
         row[15] = inv.junctions.hottest_degC
         row[16] = inv.junctions.sink_degC
+        row[17] = inv.brake_Nm
 
 
 #: After the last sample of a period. No count is as late.
@@ -227,6 +231,8 @@ def _compile_follow(source: int):
                 advance(inv, m, load, y, dt, vdc)
             if m.heat.on != 0:
                 add_heat(m, y, dt)
+            if load.brake.torque_Nm > 0.0:
+                settle_brake(inv, m, load, y)
             if inv.junctions.on != 0:
                 add_conduction(inv, m, y, dt)
             if se.i_filter_rad_s > 0.0:
@@ -268,7 +274,7 @@ def _compile_run_periods(source: int):
         """
         if not source:
             return logged
-        inv = plant.inverter
+        inv, load = plant.inverter, plant.load
         pm, ps, gd, regs = chip.map, chip.pwm, chip.gates, chip.registers
         instants, plant_out, edges = samples.instants, samples.plant, samples.edges
         width = samples.channels.shape[1] * 4
@@ -292,6 +298,9 @@ def _compile_run_periods(source: int):
                 slow_isr(handle)
             if inv.link.precharge_ohm > 0.0:
                 inv.link.bridged = high(inv.link.relay, regs)
+            if load.brake.torque_Nm > 0.0:
+                told = high(load.brake.pin, regs)
+                command_brake(inv, plant.machine, load, plant.y, told, tm.period / tm.clock_Hz)
             if width > 0:
                 read_channels(handle, target)
                 target += uint64(width)

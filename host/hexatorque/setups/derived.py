@@ -102,12 +102,32 @@ class Known(Design):
         return self._values[name]
 
 
+#: With inverter.precharge_ohm.
+PRECHARGE = {
+    "precharge_V": Rule("0.8 of the source's voltage", lambda k: 0.8 * k.setup["inverter.vdc_V"]),
+}
+#: With load.holding_Nm: the drive waits a little longer than the brake takes.
+BRAKE = {
+    "brake_open_s": Rule(
+        "1.2 of load.holding_open_s + 10 ms", lambda k: 1.2 * k.setup["load.holding_open_s"] + 0.01
+    ),
+    "brake_close_s": Rule(
+        "1.2 of load.holding_close_s + 10 ms",
+        lambda k: 1.2 * k.setup["load.holding_close_s"] + 0.01,
+    ),
+}
+
+
 def rules_of(setup: Values) -> dict[str, Rule]:
     """The rules in force, by parameter."""
     told, designed = ALWAYS, OPEN
     if "psi_f_Wb" in constants_of(setup["machine.model"]):
         told = {**{k: r for k, r in ALWAYS.items() if k not in OF_A_WINDING}, **ALWAYS_MAGNET}
         designed = {**{k: r for k, r in OPEN.items() if k not in OF_A_WINDING}, **OPEN_MAGNET}
+    if setup["inverter.precharge_ohm"] > 0:
+        told = {**told, **PRECHARGE}
+    if setup["load.holding_Nm"] > 0:
+        told = {**told, **BRAKE}
     return {**told, **designed} if setup.defaults == "derived" else told
 
 
@@ -153,10 +173,6 @@ ALWAYS: dict[str, Rule] = {
     "i_full_A": Rule("the sensors'", lambda k: k.setup["sensors.i_full_A"]),
     "vdc_full_V": Rule("the sensors'", lambda k: k.setup["sensors.vdc_full_V"]),
     "link_F": Rule("the dc link's", lambda k: k.setup["inverter.link_F"]),
-    "precharge_V": Rule(
-        "0.8 of the source's voltage if inverter.precharge_ohm charges the link, else 0",
-        lambda k: 0.8 * k.setup["inverter.vdc_V"] if k.setup["inverter.precharge_ohm"] else 0.0,
-    ),
     "winding_K_W": Rule("of [heat]", lambda k: k.setup["heat.winding_K_W"]),
     "winding_s": Rule(
         "of [heat], over its time_lapse",

@@ -28,7 +28,8 @@ LATENCIES = ("none", "immediate", "shadow", "predicted")
 class Key:
     """One quantity of a set-up."""
 
-    #: "number", "integer", "phases" (six numbers), "harmonics" (four), "pairs" (four), "choice"; a profile's too
+    #: "number", "integer", "phases" (six numbers), "harmonics", "pairs" (four each), "choice"; a
+    #: profile's too
     kind: str
     help: str
     unit: str = ""
@@ -209,6 +210,15 @@ KEYS: dict[str, dict[str, Key]] = {
     "load": {
         "kind": Key("choice", "torque against speed", choices=LOADS, default="constant"),
         "at_rpm": _n("speed at which the load takes the stated torque", "r/min", 1, 1e5, 1000.0),
+        "holding_Nm": _n(
+            "torque of a holding brake that the drive opens, 0: none",
+            "N m",
+            0,
+            MOST_NM,
+            0.0,
+        ),
+        "holding_open_s": _n("delay with which it opens", "s", 0, 10, 0.1),
+        "holding_close_s": _n("delay with which it closes", "s", 0, 10, 0.1),
     },
     "heat": {
         "winding_K_W": _n(
@@ -224,8 +234,8 @@ KEYS: dict[str, dict[str, Key]] = {
         "ambient_degC": _n("ambient temperature, and the machine's", "degC", -50, 150, 40.0),
         "ohm_degC": _n("temperature at which rs_ohm and rr_ohm are stated", "degC", -50, 250, 20.0),
         "switch_K_W": _four(
-            "thermal resistances of a switch, from the junction to the heat sink, as a Foster chain; "
-            "these and diode_K_W all 0: no temperatures of devices",
+            "thermal resistances of a switch from junction to heat sink, as a Foster chain; these "
+            "and diode_K_W all 0: no temperatures of devices",
             "K/W",
             0,
             1e3,
@@ -304,6 +314,7 @@ ZERO_OR_AT_LEAST = {
     "inverter.precharge_ohm": ("none", 1e-3),
     "heat.winding_K_W": ("no temperatures", 1e-5),
     "inverter.chopper_ohm": ("none", 1e-3),
+    "load.holding_Nm": ("none", 1e-3),
     "rated.torque_Nm": ("not known", 1e-4),
     "rated.speed_rpm": ("not known", 1e-2),
     "rated.current_A": ("not known", 1e-3),

@@ -195,6 +195,8 @@ def inconsistent(setup: Setup) -> list[str]:
         lines.append("inverter.vdc_V is above sensors.vdc_full_V")
     lines += _link_lines(setup)
     lines += _heat_lines(setup)
+    if setup["load.holding_Nm"] > 0 and setup["controller.brake_open_s"] == 0:
+        lines.append("load.holding_Nm needs controller.brake_open_s above 0: else nothing opens it")
     lines += setup.profile.too_late()
     return lines
 

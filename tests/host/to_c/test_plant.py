@@ -138,6 +138,24 @@ NEVER_RUN = {
     ("plant_capture", "se->event_tick = now;"),
     ("plant_capture", "return;"),
 }
+#: A brake that opens and closes at once.
+HOLDING = {
+    "load.holding_Nm": 4.0,
+    "load.holding_open_s": 0.0,
+    "load.holding_close_s": 0.01,
+    "controller.brake_close_s": 0.0,
+}
+
+
+def hold_and_run(sim):
+    """The load slips through the brake and is held again, the drive starts and stops."""
+    sim.set("load_Nm", 5.0)
+    sim.run(0.02)
+    sim.set("load_Nm", -0.2)
+    sim.run(0.05)
+    run_and_stop(sim)
+
+
 #: What is computed -> set-up, its changes, course.
 COURSES = {
     "linear": {
@@ -173,6 +191,7 @@ COURSES = {
         "heat": ("paper-b", IRON | HEAT, run_and_stop),
         "devices": ("paper-b", BEARS | DROPS | DEVICES, SWITCHES),
         "devices, arc": ("paper-b", BEARS | DROPS | DEVICES | ARC | LINK, OPEN),
+        "holding": ("paper-b", HOLDING, hold_and_run),
         "link": ("paper-b", BEARS | LINK, OPEN),
         "link, inductance": ("paper-b", BEARS | LINK_H, brake_and_stop),
         "link, chopper": (
@@ -202,6 +221,7 @@ COURSES = {
         "link": ("magnet-interior", LINK, run_and_stop),
         "heat": ("magnet-interior", HEAT, run_and_stop),
         "devices": ("magnet-interior", DROPS | DEVICES, run_and_stop),
+        "holding": ("magnet-interior", HOLDING, hold_and_run),
     },
 }
 
