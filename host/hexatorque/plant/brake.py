@@ -93,7 +93,5 @@ def command_brake(inv, m, load, y, told, time_s):
     b.angle_rad = y[7]
     if closed_Nm == 0.0:
         _let_go(m, load)
-    elif y[6] != 0.0:
-        _against(load, np.copysign(closed_Nm, y[6]))
     else:
-        _grip(inv, m, load, y)
+        _against(load, np.copysign(closed_Nm, y[6]))
