@@ -107,7 +107,7 @@ class Setup:
         if lines := (
             inconsistent(result)
             or to_parameters.refused(result)
-            or to_parameters.load_before_flux(result)
+            or to_parameters.beside_the_plant(result)
         ):
             raise SetupError("\n".join(lines))
         return result
@@ -195,8 +195,6 @@ def inconsistent(setup: Setup) -> list[str]:
         lines.append("inverter.vdc_V is above sensors.vdc_full_V")
     lines += _link_lines(setup)
     lines += _heat_lines(setup)
-    if setup["load.holding_Nm"] > 0 and setup["controller.brake_open_s"] == 0:
-        lines.append("load.holding_Nm needs controller.brake_open_s above 0: else nothing opens it")
     lines += setup.profile.too_late()
     return lines
 
@@ -241,18 +239,6 @@ def _link_lines(setup: Setup) -> list[str]:
             "inverter.line_Hz needs inverter.source_H above 0: a line without inductance has no "
             "commutation"
         )
-    if setup["inverter.precharge_ohm"] > 0:
-        volts, level_V = setup["inverter.vdc_V"], setup["controller.precharge_V"]
-        if level_V == 0:
-            lines.append(
-                "inverter.precharge_ohm needs controller.precharge_V above 0: else no relay "
-                "bridges it"
-            )
-        elif level_V >= volts:
-            lines.append(
-                f"controller.precharge_V = {level_V:g}: allowed is less than {volts:g} V, "
-                "inverter.vdc_V, to which the resistor charges the link"
-            )
     if setup["inverter.chopper_ohm"] > 0:
         off_V, on_V = setup["inverter.chopper_off_V"], setup["inverter.chopper_on_V"]
         highest_V = highest_source_V(setup)
@@ -265,11 +251,6 @@ def _link_lines(setup: Setup) -> list[str]:
             lines.append(
                 f"inverter.chopper_on_V = {on_V:g}: allowed is more than {off_V:g} V, "
                 "inverter.chopper_off_V"
-            )
-        if on_V >= setup["controller.vdc_max_V"]:
-            lines.append(
-                f"inverter.chopper_on_V = {on_V:g}: allowed is less than "
-                f"{setup['controller.vdc_max_V']:g} V, controller.vdc_max_V, where the drive trips"
             )
     return lines
 

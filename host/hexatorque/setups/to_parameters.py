@@ -101,6 +101,34 @@ def _refused_by_law(setup: Values, values: dict[str, float]) -> list[str]:
     return lines
 
 
+def beside_the_plant(setup: Values) -> list[str]:
+    """A line for every parameter that leaves something of the plant without its use, and
+    `load_before_flux`."""
+    values, lines = parameters(setup), []
+    if setup["inverter.chopper_ohm"] > 0:
+        on_V, trip_V = setup["inverter.chopper_on_V"], float(values["vdc_max_V"])
+        if on_V >= trip_V:
+            lines.append(
+                f"inverter.chopper_on_V = {on_V:g}: allowed is less than {trip_V:g} V, "
+                "controller.vdc_max_V, where the drive trips"
+            )
+    if setup["inverter.precharge_ohm"] > 0:
+        volts, level_V = setup["inverter.vdc_V"], float(values["precharge_V"])
+        if level_V == 0:
+            lines.append(
+                "inverter.precharge_ohm needs controller.precharge_V above 0: else no relay "
+                "bridges it"
+            )
+        elif level_V >= volts:
+            lines.append(
+                f"controller.precharge_V = {level_V:g}: allowed is less than {volts:g} V, "
+                "inverter.vdc_V, to which the resistor charges the link"
+            )
+    if setup["load.holding_Nm"] > 0 and float(values["brake_open_s"]) == 0:
+        lines.append("load.holding_Nm needs controller.brake_open_s above 0: else nothing opens it")
+    return lines or load_before_flux(setup)
+
+
 def load_before_flux(setup: Values) -> list[str]:
     """A line if a constant load turns the shaft so far before the machine has flux that the drive
     trips. Other loads only resist motion. A holding brake takes its torque until then."""
