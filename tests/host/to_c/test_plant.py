@@ -36,8 +36,22 @@ DROPS = {
 }
 ARC = {"inverter.arc_V": 25.0, "inverter.restrike_V_per_ms": 50.0, "inverter.bounce_ms": 2.0}
 HEAT = {"heat.winding_K_W": 0.5, "heat.time_lapse": 100.0}
+DEVICES = {
+    "heat.switch_K_W": [0.1, 0.2, 0.3, 0.4],
+    "inverter.e_on_mJ": 1.0,
+    "inverter.e_off_mJ": 1.0,
+    "inverter.e_ref_V": 300.0,
+    "inverter.e_ref_A": 10.0,
+}
 LINK = {"inverter.link_F": 200e-6, "inverter.source_ohm": 0.5}
 LINK_H = LINK | {"inverter.source_H": 1e-3}
+LINE = LINK_H | {"inverter.line_Hz": 50.0}
+PRECHARGE = LINE | {
+    "inverter.link_F": 2e-3,
+    "inverter.precharge_ohm": 5.0,
+    "controller.precharge_V": 200.0,
+}
+DIRECT = {"inverter.line_Hz": 0.0, "inverter.source_H": 0.0}
 
 
 def chopper(on_V):
@@ -73,6 +87,15 @@ def brake_and_stop(sim, charged_V=0.0):
     sim.set("speed_ref_rpm", -400.0)
     sim.run(0.06)
     sim.stop()
+    sim.run(0.06)
+
+
+def precharge_and_run(sim):
+    sim.run(0.5)
+    sim.start()
+    sim.run(0.13)
+    sim.stop()
+    sim.inverter.link.x[V] = 50.0
     sim.run(0.06)
 
 
@@ -119,6 +142,24 @@ NEVER_RUN = {
     ("plant_capture", "se->event_tick = now;"),
     ("plant_capture", "return;"),
 }
+#: A brake that opens and closes at once.
+HOLDING = {
+    "load.holding_Nm": 4.0,
+    "load.holding_open_s": 0.0,
+    "load.holding_close_s": 0.01,
+    "controller.brake_close_s": 0.0,
+}
+
+
+def hold_and_run(sim):
+    """The load slips through the brake and is held again, the drive starts and stops."""
+    sim.set("load_Nm", 5.0)
+    sim.run(0.02)
+    sim.set("load_Nm", -0.2)
+    sim.run(0.05)
+    run_and_stop(sim)
+
+
 #: What is computed -> set-up, its changes, course.
 COURSES = {
     "linear": {
@@ -152,6 +193,9 @@ COURSES = {
         "symmetrical": ("symmetrical", {}, run_and_stop),
         "iron": ("paper-b", BEARS | IRON, OPEN),
         "heat": ("paper-b", IRON | HEAT, run_and_stop),
+        "devices": ("paper-b", BEARS | DROPS | DEVICES, SWITCHES),
+        "devices, arc": ("paper-b", BEARS | DROPS | DEVICES | ARC | LINK, OPEN),
+        "holding": ("paper-b", HOLDING, hold_and_run),
         "link": ("paper-b", BEARS | LINK, OPEN),
         "link, inductance": ("paper-b", BEARS | LINK_H, brake_and_stop),
         "link, chopper": (
@@ -159,6 +203,10 @@ COURSES = {
             BEARS | LINK_H | {"inverter.link_F": 30e-6} | chopper(303.0),
             charged,
         ),
+        "rectifier": ("paper-b", BEARS | LINE, OPEN),
+        "rectifier, gaps": ("paper-b", LINE | {"inverter.link_F": 20e-6}, run_and_stop),
+        "precharge": ("paper-b", PRECHARGE, precharge_and_run),
+        "precharge, direct": ("paper-b", PRECHARGE | DIRECT, precharge_and_run),
     },
     "saturable": {
         "whole": ("paper-b", {"machine.psi_knee_Wb": 0.8}, run_and_stop),
@@ -176,6 +224,8 @@ COURSES = {
         "salient": ("magnet-interior", {}, BLOCKED),
         "link": ("magnet-interior", LINK, run_and_stop),
         "heat": ("magnet-interior", HEAT, run_and_stop),
+        "devices": ("magnet-interior", DROPS | DEVICES, run_and_stop),
+        "holding": ("magnet-interior", HOLDING, hold_and_run),
     },
 }
 
