@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from ..chips import number_of
 from ..plant.machines import DISPLACEMENTS_DEG, parameters_of
+from ..plant.rectifier import RECTIFIED_PEAK
 from .values import Values
 
 #: Length of the mean vector of three large vectors, and the circle inside the polygon of these
@@ -49,6 +50,12 @@ class Demand(NamedTuple):
     speed_rpm: float
     load_Nm: float
     vdc_V: float
+
+
+def highest_source_V(setup: Values) -> float:
+    """To which the link's source charges a capacitor without a load, the profile's steps too."""
+    highest = max([setup["inverter.vdc_V"], *(volts for _, volts in setup.profile.vdc_V)])
+    return highest * (RECTIFIED_PEAK if setup["inverter.line_Hz"] > 0 else 1.0)
 
 
 class Design:
@@ -241,8 +248,10 @@ class Design:
 
     @cached_property
     def links_V(self) -> list[float]:
-        """The voltages of the source, those of the profile too."""
-        return [self.vdc_V, *(volts for _, volts in self.setup.profile.vdc_V)]
+        """The voltages of the source, those of the profile too, and that of a link that a rectifier
+        charges without a load."""
+        volts = [self.vdc_V, *(volts for _, volts in self.setup.profile.vdc_V)]
+        return [*volts, highest_source_V(self.setup)]
 
     @property
     def period_s(self) -> float:

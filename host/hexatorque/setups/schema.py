@@ -145,6 +145,7 @@ _KINDS = {
     "integer": _number,
     "choice": _choice,
     "phases": _numbers(6, "six numbers are needed (u1 u2 w1 w2 v1 v2)"),
+    "pairs": _numbers(4, "four numbers are needed"),
     "harmonics": _numbers(4, "four numbers are needed (orders 5 7 11 13)"),
 }
 

@@ -53,6 +53,11 @@ class Profile:
             "broken": tuple((time_s, kind) for time_s, _, kind in self.broken),
         }
 
+    @property
+    def starts_later(self) -> bool:
+        """Whether the first start is a command."""
+        return bool(self.command) and self.command[0][1] == "start"
+
     def too_late(self) -> list[str]:
         """A line for each quantity with a step at or after the end."""
         lines = []
