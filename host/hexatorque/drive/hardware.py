@@ -50,7 +50,7 @@ SWITCHING = ("e_on_mJ", "e_off_mJ", "e_ref_V", "e_ref_A")
 
 
 class Hardware:
-    """What a simulated drive has more than a board: access to its machine, inverter, load and
+    """The advantage of a simulated drive over a board: access to its machine, inverter, load and
     sensors.
 
     load_Nm, vdc_V: torque of the load and voltage of the dc link now, or of the link's source if
@@ -246,7 +246,7 @@ class Hardware:
 
     @property
     def broken(self) -> dict[str, str]:
-        """What is broken in each phase's leg now: phase -> none, open, blocked, upper or lower."""
+        """The break in each phase's leg now: phase -> none, open, blocked, upper or lower."""
         return {phase: KINDS[kind] for phase, kind in zip(PHASES, self.inverter.contact.broken)}
 
     def lose_interrupts(self, lost: bool) -> None:
@@ -289,7 +289,7 @@ class Hardware:
 
     @property
     def gate_mistake(self) -> str:
-        """What the gates were commanded so far that could destroy a power stage; empty if
+        """Commands to the gates so far that could destroy a power stage; empty if
         nothing was."""
         if self.shorts:
             return "both switches of a leg were commanded on"

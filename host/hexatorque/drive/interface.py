@@ -65,7 +65,7 @@ def seconds(duration_s: object, rounding_s: float = 0.0) -> float:
 
 
 class DriveVerbs(ABC):
-    """What every drive can do, simulated or on a board.
+    """The functions of every drive, simulated or on a board.
 
     taken_tick: count of fast interrupts at which the latest `set_many` was taken over.
     """

@@ -1,4 +1,4 @@
-"""What a simulation records."""
+"""The samples of a simulation."""
 
 from __future__ import annotations
 

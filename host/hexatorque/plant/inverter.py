@@ -25,6 +25,7 @@ import numpy as np
 
 from .breaks import COMING
 from .compiled import compiled, source_hash
+from .elementary import tanh
 from .junctions import JUNCTIONS, commutate
 from .legs import BLOCKED, BREAK, DROPS, HIGH, LOW, LOWER, OFF, OPEN, UPPER, WHOLE
 from .link import (
@@ -361,7 +362,7 @@ def _subtract_drops(inv, m, y, vdc):
             rail = vdc if state == HIGH else 0.0
             # Beyond 20 times the knee the nearest number to the hyperbolic tangent is 1.
             share = (
-                np.tanh(i / inv.devices.knee_A)
+                tanh(i / inv.devices.knee_A)
                 if abs(i) < 20.0 * inv.devices.knee_A
                 else np.copysign(1.0, i)
             )

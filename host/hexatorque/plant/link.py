@@ -28,6 +28,7 @@ from __future__ import annotations
 import numpy as np
 
 from .compiled import compiled
+from .elementary import cos
 from .pins import PIN
 from .rectifier import LINE_PEAK
 
@@ -123,7 +124,7 @@ def begin_link(link):
 
 @compiled(inline="always")
 def _line_V(link, x, line):
-    return LINE_PEAK * link.source_V * np.cos(x[LINE_RAD] - line * _THIRD)
+    return LINE_PEAK * link.source_V * cos(x[LINE_RAD] - line * _THIRD)
 
 
 @compiled

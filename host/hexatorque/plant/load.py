@@ -9,6 +9,7 @@ import numpy as np
 
 from .brake import HOLDING
 from .compiled import compiled
+from .elementary import tanh
 from .load_kinds import BRAKE, CONSTANT, FAN, FRICTION, GENERATOR, LOADS
 from .record import names_of, record
 
@@ -60,7 +61,7 @@ def load_torque(load, omega):
     """Torque that the load takes at `omega` (mechanical rad/s)."""
     torque = load.constant_Nm + omega * (load.linear_Nms + load.quadratic_Nms2 * abs(omega))
     if load.dry_Nm != 0.0:
-        torque += load.dry_Nm * np.tanh(omega / DRY_RAD_S)
+        torque += load.dry_Nm * tanh(omega / DRY_RAD_S)
     if load.eddy_Nm != 0.0:
         s = omega / load.eddy_rad_s
         torque += load.eddy_Nm * 2.0 * s / (1.0 + s * s)

@@ -277,7 +277,7 @@ def _stiff_Hz(k: Known) -> float:
 
 
 def _tag(k: Known, name: str) -> str:
-    """Where a value of the machine is from."""
+    """The source of a value of the machine."""
     given = k.setup.values["machine"].get(name)
     return given.tag if given else ""
 

@@ -1,4 +1,4 @@
-"""What a set-up is made of: its values, its profile, and the error about them."""
+"""The parts of a set-up: its values, its profile, and the error about them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """The plant in C is the plant in Python: the same bits of every sample, edge and state, in each
 effect. Every line of the C runs in these courses, but those after a failure."""
 
+import ctypes
 import gzip
 import json
 import shutil
@@ -15,12 +16,14 @@ from hexatorque import firmware, load
 from hexatorque.drive import hardware
 from hexatorque.drive.parts import pwm_map
 from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.plant import elementary
+from hexatorque.plant.compiled import compiled
 from hexatorque.plant.gates import GATES, gates_record, suppress_short_pulses
 from hexatorque.plant.link import V
 from hexatorque.plant.pwm import PWM, PWM_MAP, pwm_record, pwm_segment
 from hexatorque.to_c import library, plant
 from hexatorque.to_c.translator import Translator
-from hexatorque.to_c.types import INT, WORD, Array
+from hexatorque.to_c.types import INT, REAL, WORD, Array
 
 #: So that a course is short.
 SHORT = {"controller.calibration_s": 0.01, "controller.build_s": 0.1}
@@ -124,7 +127,8 @@ SWITCHES = broken(("w1", "lower", 0.005), ("v2", "upper", 0.01), ("w1", "none", 
 BLOCKED = broken(("v1", "blocked", 0.01), ("u2", "open", 0.02))
 #: Functions that drawn registers go through, not all of them in these courses.
 DRAWN = {f"plant_{name}" for name in (
-    "pwm_segment", "leg_of_pins", "switch", "forced", "suppress_short_pulses"
+    "pwm_segment", "leg_of_pins", "switch", "forced", "suppress_short_pulses",
+    "cos", "exp", "expm1", "log", "power_of_2", "sin", "tanh", "turned",
 )}  # fmt: skip
 #: Functions that only the drive FMU calls; its tests hold them to the simulation.
 OF_THE_FMU = {f"plant_{name}" for name in (
@@ -348,4 +352,28 @@ def test_modules_of_the_pwm_and_gate_drivers_have_the_same_bits_for_drawn_regist
                 n, c0 = results[0][0], c1
             edges += n
     assert edges > 1000
+    assert {row for row, done in ran(tmp_path, made).items() if not done} == set()
+
+
+@compiled
+def six_functions(x, found):
+    found[0] = elementary.cos(x)
+    found[1] = elementary.exp(x)
+    found[2] = elementary.expm1(x)
+    found[3] = elementary.log(abs(x))
+    found[4] = elementary.sin(x)
+    found[5] = elementary.tanh(x)
+
+
+def test_elementary_functions_have_the_same_bits_for_drawn_numbers(tmp_path):
+    t = Translator(lambda function, kinds: function)
+    t.function(six_functions, [REAL, Array(REAL, (None,))], "six_functions")
+    made = counting(plant.files(t), tmp_path)
+    rng = np.random.default_rng(1)
+    wanted, got = np.zeros(6), np.zeros(6)
+    for exponent in (-300, -8, -1, 0, 1, 2, 2.5, 3, 6):
+        for x in (rng.uniform(-1, 1, 200) * 10.0**exponent).tolist():
+            six_functions(x, wanted)
+            made.call("six_functions", ctypes.c_double(x), got)
+            assert got.tobytes() == wanted.tobytes(), x
     assert {row for row, done in ran(tmp_path, made).items() if not done} == set()
