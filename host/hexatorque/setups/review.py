@@ -736,6 +736,24 @@ def _speed(d: Design) -> Iterator[Finding]:
         )  # fmt: skip
 
 
+def _interrupt(d: Design, name: str) -> Iterator[Finding]:
+    """Where the chip's time for a scheme is estimated: an estimate refuses nothing."""
+    from .. import chips, firmware
+
+    cycles = chips.budget()["c28x_cycles"].get(name)
+    if cycles is None:
+        return
+    chip = d.setup["timing.device"]
+    clock_Hz = firmware.board_of(chip).map.system_clock_Hz
+    most_Hz = WRITTEN_WITHIN * clock_Hz / cycles
+    yield at_most(
+        f"fast interrupt on {chip}, estimated", 1e6 * cycles / clock_Hz,
+        WRITTEN_WITHIN * 1e6 * d.period_s, "us",
+        f"measure it on the board, or lower controller.f_isr_Hz to {math.floor(most_Hz / 1e3)}000",
+        "note",
+    )  # fmt: skip
+
+
 def _scheme(d: Design, name: str) -> Iterator[Finding]:
     from .. import firmware
 
@@ -745,6 +763,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         advice = "this winding's large vectors have no x-y voltage to choose or to regulate by"
         yield Finding(f"displacement_deg {p('displacement_deg')}", 0.0, "", 0.0, "", "bad", advice)
         return
+    yield from _interrupt(d, name)
     if lib.ht_law_commands_voltage(row.law):
         least_Hz = lib.ht_voltage_law_least_Hz(p("rs_ohm"), d.machine.least_H, p("lxy_H"))
         yield at_least(
