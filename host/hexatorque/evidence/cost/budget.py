@@ -211,13 +211,10 @@ The fast interrupt calls no library function{calls}; square roots are the proces
 by file (`--opt_level=2`). The table has the instructions of a Cortex-M4F compiled in this way at
 -O2. Those that are not branches count 1 to 1.5 cycles each; branches, calls and returns count 4 to
 7, the depth of the C28x's pipeline. The memory is assumed to have no wait states. The last columns
-have the upper estimate as a share of the period, by the frequency of the interrupt. `{placing}`
-runs on `{placed}`, where its positions count; its interrupt comes at four times f_sw, that of
-`db-dtfc` and `foc` at twice f_sw.
+are the upper estimate's share of the period at that f_isr. `{placing}` runs on `{placed}`, where its
+positions count. Where less than {left:.0f} % is left, `hexatorque check` has a note.
 
 {estimates}
-
-Where the upper estimate leaves less than {left:.0f} % of the period, `hexatorque check` has a note.
 
 ## Stack
 Bytes, Cortex-M4F, from `-fstack-usage` along the deepest path of the call graph (disassembly; no
