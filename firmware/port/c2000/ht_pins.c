@@ -21,7 +21,7 @@
 #define QUALPRD_BITS 8u   /* ... of 2 x QUALPRD system clocks */
 #define QUALPRD 0x000000FFu
 
-/* Of the port that a pin belongs to, and of the half with its two-bit fields. */
+/* The registers of the port that a pin belongs to, and of the half with its two-bit fields. */
 static uint32_t first_register(const ht_port *port, const ht_pin *pin)
 {
     return port->map->gpio + ((uint32_t)(pin->gpio / 32u) * port->map->gpio_stride);

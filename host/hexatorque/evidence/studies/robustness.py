@@ -257,8 +257,8 @@ def failures(result: dict) -> list[str]:
 
 
 def _failures_interleaved(result: dict) -> list[str]:
-    """Where db-ipwm does not hold a point, where its torque ripples more than that of db-dtfc with the
-    same error, or more than it may with a parameter that is 30 % wrong."""
+    """Points that db-ipwm does not hold, or at which its torque ripples more than that of db-dtfc
+    with the same error, or more than it may with a parameter that is 30 % wrong."""
     lines = []
     for point, by_error in _by_point(result, 1).items():
         for error, rows in by_error.items():
@@ -284,8 +284,8 @@ def _failures_interleaved(result: dict) -> list[str]:
 
 
 def _failures_beside_tables(result: dict) -> list[str]:
-    """Where db-dtfc does not hold a point, or has more torque ripple or distortion than the best
-    of the table schemes with the same error."""
+    """Points that db-dtfc does not hold, or at which it has more torque ripple or distortion than
+    the best of the table schemes with the same error."""
     ours = {v.label for v in VARIANTS if v.ours}
     lines = []
     for point, by_error in _by_point(result, 0).items():
