@@ -61,7 +61,7 @@ REMARKS = {
         "ADCINB1": "50 kΩ to ground in the chip",
     },
     "f28335": {
-        **dict.fromkeys(("GPIO13", "GPIO14", "GPIO15"), "pull-up on at reset: see below"),
+        **dict.fromkeys(("GPIO13", "GPIO14", "GPIO15", "GPIO16"), "pull-up on at reset: see below"),
         "GPIO28": "also the card's isolated RS-232 receiver: see below",
         "GPIO29": "also the card's isolated RS-232 driver (card pin 52)",
     },
@@ -126,7 +126,7 @@ def rows(board: str) -> list[tuple[str, str, str, str, str]]:
     found.append(("encoder B", f"GPIO{table.encoder_b.gpio}", f"EQEP{table.eqep + 1}B"))
     found.append(("serial receive", f"GPIO{table.receive.gpio}", "SCIRXDA"))
     found.append(("serial transmit", f"GPIO{table.transmit.gpio}", "SCITXDA"))
-    for signal, pin in zip(("precharge relay", "brake", "fan"), table.output):
+    for signal, pin in zip(("precharge relay", "brake", "fan", "chopper"), table.output):
         found.append((signal, f"GPIO{pin.gpio}", "GPIO"))
     for k, (signal, pin) in enumerate(zip((*CURRENTS, "dc link"), channels(board), strict=True)):
         number = lib.ht_board_cmpss(ffi.addressof(table), k)

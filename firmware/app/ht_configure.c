@@ -339,6 +339,12 @@ static void configure_outputs(const float *v, ht_outputs_config *c)
     c->closes = v[HT_P_brake_close_s] * v[HT_P_f_slow_Hz];
     c->hold_Nm = v[HT_P_brake_Nm];
     c->fan_after = v[HT_P_fan_s] * v[HT_P_f_slow_Hz];
+    c->chopper_on_V = NO_LEVEL_V;
+    c->chopper_off_V = NO_LEVEL_V;
+    if (v[HT_P_chopper_on_V] > 0.0f) {
+        c->chopper_on_V = v[HT_P_chopper_on_V];
+        c->chopper_off_V = v[HT_P_chopper_off_V];
+    }
 }
 
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)

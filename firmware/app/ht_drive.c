@@ -129,12 +129,51 @@ HT_SELDOM static uint16_t by_comparator(const ht_drive *d)
     return (uint16_t)faults;
 }
 
+/* Faults after which the chopper stays off: the trip chain, which the resistor's thermal switch belongs to,
+ * or no look at the dc link's voltage. Others need it all the more. */
+#define NO_CHOPPER \
+    ((uint32_t)HT_FAULT_EXTERNAL | (uint32_t)HT_FAULT_INTERRUPT | (uint32_t)HT_FAULT_CLOCK)
+
+static void chop(ht_drive *d, bool on)
+{
+    d->chops = (uint16_t)(on ? HT_OUT_CHOPPER : 0);
+    ht_port_outputs(d->port, HT_OUT_CHOPPER, d->chops);
+    ht_drive_look(d);
+}
+
+/* Whatever the state is: an over-voltage must go with the gates off, too. */
+HT_SELDOM static void follow_chopper(ht_drive *d)
+{
+    bool is_on = d->chops != 0u;
+    bool on = ht_outputs_chops(&d->config->outputs, is_on, d->in.vdc_V)
+              && ((d->faults & NO_CHOPPER) == 0u) && !ht_port_trip_pin_low(d->port);
+    if (on != is_on) {
+        chop(d, on);
+    }
+}
+
+void ht_drive_look(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    float above_V = (c->vdc.above_V < c->outputs.chopper_on_V) ? c->vdc.above_V
+                                                               : c->outputs.chopper_on_V;
+    d->look_above_V = (d->chops != 0u) ? -1.0f : above_V;
+}
+
+/* Once in each period without control. RUN looks with the dc link's limits. */
+static inline void look_at_link(ht_drive *d)
+{
+    if (d->in.vdc_V > d->look_above_V) {
+        follow_chopper(d);
+    }
+}
+
 /* Nothing holds the shaft any more. */
 static void close_brake(ht_drive *d)
 {
     if ((d->outputs.on & (uint16_t)HT_OUT_BRAKE) != 0u) {
         d->outputs.on &= (uint16_t)~(unsigned)HT_OUT_BRAKE;
-        ht_port_outputs(d->port, d->outputs.on);
+        ht_port_outputs(d->port, HT_OUT_BRAKE, 0u);
     }
 }
 
@@ -194,6 +233,10 @@ void ht_drive_stand_in(ht_drive *d, uint32_t bits)
         keep(d, state, bits);
     }
     d->faults |= bits;
+    if (d->chops != 0u) {
+        chop(d, false);
+    }
+    ht_drive_look(d);
 }
 
 /* Legs whose gates are on while the drive runs, a state word. */
@@ -562,14 +605,19 @@ static void end_build(ht_drive *d, float share)
     }
 }
 
-/* The dc link is beyond one of the voltages where its limits begin. */
+/* The dc link is beyond one of the voltages where its limits begin, or its chopper may come on or off. */
 HT_SELDOM static void limit_by_vdc(ht_drive *d)
 {
     const ht_vdc_config *c = &d->config->vdc;
     float vdc_V = d->in.vdc_V;
-    float torque_Nm = ht_vdc_torque_Nm(c, d->torque_ref_Nm, d->torque_limit_Nm,
-                                       d->speed_rpm * RAD_S_PER_RPM,
-                                       d->vdc_from_rpm * RAD_S_PER_RPM, vdc_V);
+    float torque_Nm;
+    follow_chopper(d);
+    if ((vdc_V <= c->above_V) && (vdc_V >= c->below_V)) {
+        return;
+    }
+    torque_Nm =
+        ht_vdc_torque_Nm(c, d->torque_ref_Nm, d->torque_limit_Nm, d->speed_rpm * RAD_S_PER_RPM,
+                         d->vdc_from_rpm * RAD_S_PER_RPM, vdc_V);
     torque_Nm = (torque_Nm < d->torque_least_Nm) ? d->torque_least_Nm : torque_Nm;
     if (torque_Nm != d->torque_ref_Nm) {
         unsigned acts = (vdc_V > c->above_V) ? (unsigned)HT_LIMIT_VDC_HIGH
@@ -601,7 +649,7 @@ static inline void drive(ht_drive *d, bool build)
     }
     d->in.torque_ref_Nm = d->torque_ref_Nm; /* 0 in BUILD */
     if (!build
-        && ((d->in.vdc_V > d->config->vdc.above_V) || (d->in.vdc_V < d->config->vdc.below_V))) {
+        && ((d->in.vdc_V > d->look_above_V) || (d->in.vdc_V < d->config->vdc.below_V))) {
         limit_by_vdc(d);
     }
     if (build) {
@@ -832,6 +880,7 @@ HT_SELDOM static void take_staged(ht_drive *d)
     d->config = d->staged;
     d->taken_tick = d->tick;
     d->staged = NULL;
+    ht_drive_look(d);
     if (moved) {
         ht_drive_set_levels(d);
     }
@@ -861,6 +910,7 @@ void ht_drive_fast_isr(ht_drive *d)
         break;
     case HT_STATE_BUILD:
         d->state_ticks++;
+        look_at_link(d);
         if (d->config->control.observer.magnets && (d->catches != 0u)) {
             if (catch_rotor(d)) {
                 begin_run_caught(d);
@@ -876,15 +926,18 @@ void ht_drive_fast_isr(ht_drive *d)
         break;
     case HT_STATE_CALIBRATE:
         d->state_ticks++;
+        look_at_link(d);
         calibrate(d);
         break;
     case HT_STATE_TEST:
         d->state_ticks++;
+        look_at_link(d);
         test(d);
         break;
     case HT_STATE_IDLE: /* no tick: a start that this interrupt comes into would lose it */
     case HT_STATE_FAULT:
     default:
+        look_at_link(d);
         stay_off(d);
         break;
     }

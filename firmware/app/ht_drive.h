@@ -105,6 +105,7 @@ typedef struct {
     uint16_t vdc_acts;     /**< HT_LIMIT_VDC_...: which limit acted since the last slow interrupt */
     uint16_t limits;       /**< HT_LIMIT_...: which limits act */
     uint16_t stuck_leg;    /**< leg whose sensor and trip latch are checked next */
+    uint16_t chops;        /**< HT_OUT_CHOPPER while the chopper is on */
     ht_samples samples;    /**< latest */
     volatile uint32_t position_now;
     float offset_counts[HT_LEGS]; /**< calibrated zero of each current channel */
@@ -113,6 +114,7 @@ typedef struct {
     float turn_per_count; /**< electrical rad */
     float speed_rpm;
     float vdc_from_rpm;  /**< size of the speed when the dc link came beyond `above_V` */
+    float look_above_V;  /**< above it the dc link needs the chopper or a limit, or may */
     float torque_ref_Nm; /**< slow loop to fast loop */
     float flux_ref_Wb;   /**< the flux reference: written by the fast interrupt in
                                     *   BUILD, by the slow one in RUN */

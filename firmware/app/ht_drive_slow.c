@@ -590,6 +590,9 @@ static uint32_t too_hot(const ht_drive *d)
     return (d->heat_share > 0.0f) ? 0u : HT_FAULT_WINDING;
 }
 
+/* The others are the fast interrupt's. */
+#define SWITCHED ((uint16_t)HT_OUT_PRECHARGE | (uint16_t)HT_OUT_BRAKE | (uint16_t)HT_OUT_FAN)
+
 /* The fast interrupt may come in between and find a fault: its brake must not open again. */
 static void switch_outputs(ht_drive *d, const ht_drive_config *c)
 {
@@ -608,10 +611,10 @@ static void switch_outputs(ht_drive *d, const ht_drive_config *c)
         return;
     }
     d->outputs.on = on;
-    ht_port_outputs(d->port, on);
+    ht_port_outputs(d->port, SWITCHED, on);
     if ((on != others) && (d->state != (uint16_t)HT_STATE_RUN)) {
         d->outputs.on = others;
-        ht_port_outputs(d->port, others);
+        ht_port_outputs(d->port, SWITCHED, others);
     }
 }
 

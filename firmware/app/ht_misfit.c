@@ -251,7 +251,7 @@ static bool vdc_fits(const ht_params *p, uint16_t misfit)
     return result;
 }
 
-/* What relay and brake demand. */
+/* What relay, brake and chopper demand. */
 static bool outputs_fit(const float *v, uint16_t misfit)
 {
     bool result = true;
@@ -259,6 +259,9 @@ static bool outputs_fit(const float *v, uint16_t misfit)
         result = (v[HT_P_precharge_V] == 0.0f)
                  || ((v[HT_P_precharge_V] > 1.03f * v[HT_P_vdc_min_V])
                      && (v[HT_P_precharge_V] < v[HT_P_vdc_max_V]));
+    } else if (misfit == (uint16_t)HT_MISFIT_CHOPPER_OFF) {
+        result = (v[HT_P_chopper_on_V] == 0.0f)
+                 || (v[HT_P_chopper_off_V] > 1.03f * v[HT_P_vdc_min_V]);
     } else {
         float negative_Nm = v[HT_P_torque_negative_Nm];
         float most_Nm = v[HT_P_torque_limit_Nm];
@@ -341,6 +344,7 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         break;
     case HT_MISFIT_PRECHARGE:
     case HT_MISFIT_BRAKE:
+    case HT_MISFIT_CHOPPER_OFF:
         result = outputs_fit(v, misfit);
         break;
     case HT_MISFIT_HEAT_RS:

@@ -142,11 +142,17 @@ uint16_t ht_port_beyond(const ht_port *port);
 bool ht_port_trip_pin_low(const ht_port *port);
 
 /** Outputs, bits: a pin that is high. After a reset and without a right clock all are inputs, which the
- *  board pulls down: relay open, brake closed, fan off. */
-enum { HT_OUT_PRECHARGE = 1, HT_OUT_BRAKE = 2, HT_OUT_FAN = 4, HT_OUTPUTS = 3 /**< how many */ };
+ *  board pulls down: relay open, brake closed, fan and chopper off. */
+enum {
+    HT_OUT_PRECHARGE = 1,
+    HT_OUT_BRAKE = 2,
+    HT_OUT_FAN = 4,
+    HT_OUT_CHOPPER = 8,
+    HT_OUTPUTS = 4 /**< how many */
+};
 
-/** These outputs on, the others off. */
-void ht_port_outputs(ht_port *port, uint16_t on);
+/** Of the outputs `which` those in `on` on and the rest off; the others stay. */
+void ht_port_outputs(ht_port *port, uint16_t which, uint16_t on);
 
 /** First in the fast interrupt: acknowledge the end of conversion, so that the next one shows. If the
  *  next call does not come within 2.5 periods, the target takes the gates off. */

@@ -141,9 +141,10 @@ void ht_port_short_circuit(ht_port *port)
     port->input.tripped = (uint16_t)HT_ALL_LEGS;
 }
 
-void ht_port_outputs(ht_port *port, uint16_t on)
+void ht_port_outputs(ht_port *port, uint16_t which, uint16_t on)
 {
     note(port, HT_CALL_OUTPUTS);
+    note(port, which);
     note(port, on);
 }
 

@@ -255,6 +255,7 @@ static bool make_call(ht_link *l, ht_reader *r)
     ht_samples samples;
     ht_capture capture;
     uint16_t leg;
+    uint16_t which;
     switch (ht_read16(r)) {
     case HT_CALL_INIT:
         setup.period_counts = ht_read16(r);
@@ -280,7 +281,8 @@ static bool make_call(ht_link *l, ht_reader *r)
         ht_port_short_circuit(&l->port);
         return true;
     case HT_CALL_OUTPUTS:
-        ht_port_outputs(&l->port, ht_read16(r));
+        which = ht_read16(r);
+        ht_port_outputs(&l->port, which, ht_read16(r));
         return true;
     case HT_CALL_GATES_ON:
         leg = ht_read16(r);

@@ -43,7 +43,8 @@ typedef struct {
     uint16_t channel[HT_MAP_CHANNELS];
     uint32_t baud; /**< of the link */
     ht_pin output
-        [HT_OUTPUTS]; /**< precharge relay, brake, fan: high is on. A resistor pulls each down. */
+        [HT_OUTPUTS]; /**< precharge relay, brake, fan, chopper: high is on. A resistor pulls each
+                       *   down. */
 } ht_board;
 
 /** Comparator subsystem, 1 ... 4, whose positive input is the pin of this channel (below

@@ -77,6 +77,7 @@ class Hardware:
         self._instants = sample_instants(samples_per_period, counts)
         self.plant_state = model.initial(self._machine)
         self.inverter = parts.inverter(setup, self.machine.phase_of_leg, self._machine)
+        parts.follow_output(setup, self.controller, self.inverter.link)
         self._pwm = pwm_record()
         self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock_Hz))
         board = self.controller.port.board

@@ -74,6 +74,16 @@ def inverter(setup: Setup, leads: Sequence[int], machine: np.record) -> np.recor
     return made
 
 
+def follow_output(setup: Setup, controller: firmware.Controller, link: np.record) -> None:
+    """The drive's output switches the chopper, if the set-up gives it no levels of its own."""
+    if setup["inverter.chopper_ohm"] > 0 and setup["inverter.chopper_on_V"] == 0:
+        number = firmware.lib.HT_OUT_CHOPPER.bit_length() - 1
+        gpio = controller.port.board.output[number].gpio
+        port, pin = divmod(gpio, 32)
+        link.chopper_word = controller.map.gpio_data + 8 * port + pin // 16
+        link.chopper_bit = pin % 16
+
+
 def pwm_map(m: firmware.CData, active_low: bool = False, min_pulse_us: float = 0.0) -> np.record:
     """The layout of the PWM registers, from the firmware's own map, and what the power stage
     wants: the gate drivers' polarity and the shortest gate pulse."""

@@ -32,6 +32,9 @@ LINK = np.dtype(
         ("source_V", "f8"),
         ("feeds", "i8"),  # whether the source's diode conducts
         ("chops", "i8"),  # whether the chopper is on
+        # What switches it instead of its levels: word and bit of a pin's level; 0: nothing does
+        ("chopper_word", "i8"),
+        ("chopper_bit", "i8"),
         ("x", "f8", (6,)),  # the state
         ("trial", "f8", (6,)),
         ("stage", "f8", (6,)),
@@ -134,7 +137,7 @@ def _beyond_diode(link, x):
 @compiled
 def _beyond_chopper(link, x):
     """The same for the chopper, V."""
-    if link.chopper_ohm == 0.0:
+    if link.chopper_ohm == 0.0 or link.chopper_word > 0:
         return -np.inf
     if link.chops != 0:
         return link.chopper_off_V - x[V]

@@ -274,6 +274,9 @@ def _compile_run_periods(source: int):
             if width > 0:
                 read_channels(handle, target)
                 target += uint64(width)
+            if inv.link.chopper_word > 0:
+                chops = regs[inv.link.chopper_word] >> inv.link.chopper_bit & 1
+                inv.link.chops = np.int64(chops)
             done = count
             count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, done)
             if gd.min_counts > 0:

@@ -125,7 +125,9 @@ KEYS: dict[str, dict[str, Key]] = {
         "source_ohm": _n("resistance of the link's source", "ohm", 1e-4, 1e3, 0.1),
         "source_H": _n("inductance of the link's source", "H", 0, 1, 0.0),
         "chopper_ohm": _n("resistance of the braking chopper, 0: none", "ohm", 0, 1e5, 0.0),
-        "chopper_on_V": _n("the chopper comes on at this voltage", "V", 0, MOST_V, 0.0),
+        "chopper_on_V": _n(
+            "the chopper comes on at this voltage, 0: with the drive's output", "V", 0, MOST_V, 0.0
+        ),
         "chopper_off_V": _n("and goes off at this one", "V", 0, MOST_V, 0.0),
         "dead_time_us": _n("dead time", "us", 0, 20),
         "min_pulse_us": _n("gate pulses shorter than this are suppressed", "us", 0, 10, 0.0),

@@ -217,16 +217,30 @@ def _link_lines(setup: Setup) -> list[str]:
     """The same about the dc link: a chopper below its source would heat with the source's energy,
     and without a capacitor there is nothing that it could change."""
     lines = []
-    if setup["inverter.chopper_ohm"] > 0:
-        off_V, on_V = setup["inverter.chopper_off_V"], setup["inverter.chopper_on_V"]
-        highest_V = max([setup["inverter.vdc_V"], *(volts for _, volts in setup.profile.vdc_V)])
-        if setup["inverter.link_F"] == 0:
-            lines.append("inverter.chopper_ohm needs inverter.link_F above 0: else nothing rises")
-        if off_V <= highest_V:
+    highest_V = max([setup["inverter.vdc_V"], *(volts for _, volts in setup.profile.vdc_V)])
+
+    def above_source(path: str) -> None:
+        if setup[path] <= highest_V:
             lines.append(
-                f"inverter.chopper_off_V = {off_V:g}: allowed is more than {highest_V:g} V, "
+                f"{path} = {setup[path]:g}: allowed is more than {highest_V:g} V, "
                 "the source's voltage"
             )
+
+    by_drive = setup["controller.chopper_on_V"] > 0
+    if by_drive:
+        above_source("controller.chopper_off_V")
+    if setup["inverter.chopper_ohm"] > 0:
+        off_V, on_V = setup["inverter.chopper_off_V"], setup["inverter.chopper_on_V"]
+        if setup["inverter.link_F"] == 0:
+            lines.append("inverter.chopper_ohm needs inverter.link_F above 0: else nothing rises")
+        if on_V == 0:
+            if not by_drive:
+                lines.append(
+                    "inverter.chopper_on_V = 0: the drive's output switches the chopper, so "
+                    "controller.chopper_on_V must be above 0"
+                )
+            return lines
+        above_source("inverter.chopper_off_V")
         if on_V <= off_V:
             lines.append(
                 f"inverter.chopper_on_V = {on_V:g}: allowed is more than {off_V:g} V, "

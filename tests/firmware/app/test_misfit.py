@@ -147,6 +147,18 @@ CASES = {
         {"brake_open_s": 0.2, "brake_Nm": -6.0, "torque_negative_Nm": 5.0},
         "brake_Nm = -6 N m, torque_limit_Nm = 15 N m: with a brake (brake_open_s) the torque",
     ),
+    "CHOPPER_TRIP": (
+        {"chopper_on_V": 389.0, "chopper_off_V": 380.0},
+        "chopper_on_V = 389 V: allowed is up to 0.97 vdc_max_V = 388 V",
+    ),
+    "CHOPPER_LEVELS": (
+        {"chopper_on_V": 360.0, "chopper_off_V": 358.0},
+        "chopper_off_V = 358 V: allowed is up to 0.99 chopper_on_V = 356.4 V",
+    ),
+    "CHOPPER_OFF": (
+        {"chopper_on_V": 360.0},
+        "chopper_off_V = 0 V, vdc_min_V = 150 V: with a chopper (chopper_on_V) the first must be",
+    ),
 }
 
 

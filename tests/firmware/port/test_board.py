@@ -452,7 +452,7 @@ def test_no_gate_of_the_launchpad_is_on_its_leds():
     assert not {12, 13} & set(pins)
     others = (board.trip, board.encoder_a, board.encoder_b, board.receive, board.transmit)
     outputs = [pin.gpio for pin in board.output]
-    assert len({*pins, *(pin.gpio for pin in others), *outputs}) == 12 + 5 + 3
+    assert len({*pins, *(pin.gpio for pin in others), *outputs}) == 12 + 5 + 4
     assert not {12, 13} & set(outputs)
 
 
@@ -504,8 +504,8 @@ LEVELS = {"f28335": (0x6FC0, 8), "f28377s": (0x7F00, 8), "launchxl_f28377s": (0x
 
 @pytest.mark.parametrize("name", BOARDS)
 def test_outputs_are_inputs_until_the_start_makes_them_low(name):
-    """An input is what the board's resistor makes of it: relay open, brake closed, fan off. Then
-    each bit moves its own pin and no other."""
+    """An input is what the board's resistor makes of it: relay open, brake closed, fan and chopper
+    off. Then each bit moves its own pin and no other, and only if it is asked for."""
     started = Started.__new__(Started)
     started.name, started.rf = name, ffi.new("ht_regfile *")
     board = getattr(lib, f"ht_board_{name}")
@@ -526,11 +526,17 @@ def test_outputs_are_inputs_until_the_start_makes_them_low(name):
         mux, _, pulled_up, output = started.pin(gpio)
         assert (mux, pulled_up, output) == (0, False, True)
         assert gpio not in idle
-    for bits in range(8):
-        lib.ht_port_outputs(started.port, bits)
-        assert levels() - idle == {gpio for n, gpio in enumerate(pins) if bits >> n & 1}
-        assert idle <= levels()
+    everything = (1 << lib.HT_OUTPUTS) - 1
+    assert everything == 15 and len(pins) == 4
+    for before in range(16):
+        for which in range(16):
+            lib.ht_port_outputs(started.port, everything, before)
+            lib.ht_port_outputs(started.port, which, 0b1010)
+            after = before & ~which | which & 0b1010
+            assert levels() - idle == {gpio for n, gpio in enumerate(pins) if after >> n & 1}
+            assert idle <= levels()
     assert (lib.HT_OUT_PRECHARGE, lib.HT_OUT_BRAKE, lib.HT_OUT_FAN) == (1, 2, 4)
+    assert lib.HT_OUT_CHOPPER == 8
     # A debugger starts the image anew: the pins are inputs before anything else is set up.
     lib.ht_pins_release(started.port)
     assert not any(started.pin(gpio)[3] for gpio in pins)
