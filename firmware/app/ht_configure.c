@@ -1,6 +1,7 @@
 #include "ht_configure.h"
 
 #include "ht_angle.h"
+#include "ht_limited.h"
 #include "ht_misfit.h"
 
 #include <math.h>
@@ -327,6 +328,23 @@ static void configure_heat(const ht_params *p, ht_heat_config *c)
     c->trip_degC = v[HT_P_winding_trip_degC];
 }
 
+static void configure_sensors(const float *v, ht_drive_config *c)
+{
+    const float readings_Hz = v[HT_P_f_slow_Hz] / (float)HT_SLOW_CHANNELS; /* by turns */
+    ht_ntc_configure(&c->ntc[HT_SLOW_WINDING], v[HT_P_winding_ntc_ohm], v[HT_P_winding_ntc_K],
+                     v[HT_P_ntc_pull_up_ohm], readings_Hz);
+    ht_ntc_configure(&c->ntc[HT_SLOW_SINK], v[HT_P_sink_ntc_ohm], v[HT_P_sink_ntc_K],
+                     v[HT_P_ntc_pull_up_ohm], readings_Hz);
+    c->heat.sensed = v[HT_P_winding_ntc_ohm] > 0.0f;
+    c->heat.heed = 1.0f;
+    if (c->heat.sensed) {
+        c->heat.rs_tells = (uint16_t)HT_RS_TELLS_NOTHING;
+        if (c->heat.steps > 0.0f) {
+            c->heat.heed = ht_limited(HT_HEAT_HEED / (v[HT_P_winding_s] * readings_Hz), 1.0f);
+        }
+    }
+}
+
 /* The dc link's voltage stands for so long before the relay closes, and the relay takes as long. */
 #define CHARGED_S 0.1f
 
@@ -368,6 +386,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->flux.rs_ohm = v[HT_P_rs_ohm];
     configure_vdc(v, &c->vdc);
     configure_heat(&c->params, &c->heat);
+    configure_sensors(v, c);
     c->pull_out_Nm_Wb2 = pull_out(v);
     ht_derating_configure(&c->params, &c->control.observer, &c->derating);
     configure_least_loss(v, c->pull_out_Nm_Wb2, &c->least_loss);

@@ -10,6 +10,7 @@
 #include "ht_excitation.h"
 #include "ht_heat.h"
 #include "ht_least_loss.h"
+#include "ht_ntc.h"
 #include "ht_outputs.h"
 #include "ht_params.h"
 #include "ht_protect.h"
@@ -50,6 +51,7 @@ typedef struct {
     ht_alignment_config alignment; /**< of a rotor with magnets */
     ht_short_circuit_config short_circuit;
     ht_outputs_config outputs;
+    ht_ntc_config ntc[HT_SLOW_CHANNELS];
 } ht_drive_config;
 
 /** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,

@@ -504,7 +504,7 @@ static void begin_flux(ht_drive *d)
 static void calibrate(ht_drive *d)
 {
     /* The other ones are of the run before: the slow loop may not have come by since. */
-    uint32_t faults = faults_before(d, false) | (d->slow_faults & HT_FAULT_WINDING);
+    uint32_t faults = faults_before(d, false) | (d->slow_faults & HT_LASTING_FAULTS);
     int leg;
     if (ht_port_trip_pin_low(d->port)) { /* before the gates ever come on */
         faults |= HT_FAULT_EXTERNAL;

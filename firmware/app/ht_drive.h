@@ -26,6 +26,11 @@
 #include "ht_configure.h"
 #include "ht_rotor_catch.h"
 
+/** Faults of the slow interrupt that a start finds, too: they are no run's. */
+#define HT_LASTING_FAULTS                                                                          \
+    (HT_FAULT_WINDING | HT_FAULT_WINDING_OPEN | HT_FAULT_WINDING_SHORT | HT_FAULT_SINK_OPEN \
+     | HT_FAULT_SINK_SHORT)
+
 /* The number after the last one is how many there are. */
 typedef enum {
 #define HT_STATE(name, number, text, flags) HT_STATE_##name = (number),
@@ -166,6 +171,9 @@ typedef struct {
     uint32_t limit_from[HT_LIMITS]; /**< tick at which each limit began to act, the latest time */
     uint32_t limit_to[HT_LIMITS];   /**< and at which it was last seen to */
     ht_outputs_state outputs;       /**< a fault closes the brake in the fast one all the same */
+    ht_ntc_state ntc[HT_SLOW_CHANNELS]; /**< as the temperatures, kept but for a reset */
+    uint16_t slow_channel; /**< whose reading comes next; HT_SLOW_CHANNELS: none was asked for yet */
+    uint16_t sensors[HT_SLOW_CHANNELS]; /**< ht_ntc: what their latest readings say */
     uint16_t torque_limited_by;     /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
 } ht_drive;
 
@@ -213,6 +221,9 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
                          uint16_t *at);
 /** Current value; NaN-free. Returns 0 for an unknown id. */
 float ht_drive_get(const ht_drive *d, uint16_t id);
+
+/** Temperature of the heat sink, or of the ambient as long as no thermistor tells it. */
+float ht_drive_sink_degC(const ht_drive *d);
 
 /** Telemetry channels (ht_channels.def). */
 typedef struct {

@@ -158,6 +158,11 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     ht_outputs_reset(&d->outputs);
     ht_port_outputs(port, ALL_OUTPUTS, 0u);
     ht_heat_reset(&d->heat);
+    for (row = 0u; row < (uint16_t)HT_SLOW_CHANNELS; row++) {
+        ht_ntc_reset(&d->ntc[row]);
+        d->sensors[row] = (uint16_t)HT_NTC_WHOLE;
+    }
+    d->slow_channel = (uint16_t)HT_SLOW_CHANNELS;
     d->snapshot.tick = 0u;
     d->end_counts = 0u;
     d->trips = 0u;

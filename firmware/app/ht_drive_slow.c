@@ -572,6 +572,50 @@ static void hear_build(ht_drive *d, const ht_drive_config *c)
     }
 }
 
+/* One thermistor after the other, if there is any. */
+static void read_sensors(ht_drive *d, const ht_drive_config *c)
+{
+    uint16_t channel = d->slow_channel;
+    bool asked = channel < (uint16_t)HT_SLOW_CHANNELS;
+    uint16_t next = (channel == (uint16_t)HT_SLOW_WINDING) ? (uint16_t)HT_SLOW_SINK
+                                                           : (uint16_t)HT_SLOW_WINDING;
+    uint16_t reading;
+    if (!(c->ntc[HT_SLOW_WINDING].pull_share > 0.0f) && !(c->ntc[HT_SLOW_SINK].pull_share > 0.0f)) {
+        d->slow_channel = (uint16_t)HT_SLOW_CHANNELS;
+        return;
+    }
+    reading = ht_port_read_slow(d->port, asked ? channel : 0u, next);
+    d->slow_channel = next;
+    if (!asked) {
+        return;
+    }
+    d->sensors[channel] = (uint16_t)HT_NTC_WHOLE;
+    if (c->ntc[channel].pull_share > 0.0f) {
+        d->sensors[channel] = (uint16_t)ht_ntc_take(&c->ntc[channel], &d->ntc[channel], reading);
+    } else {
+        ht_ntc_reset(&d->ntc[channel]);
+    }
+    if ((channel == (uint16_t)HT_SLOW_WINDING) && !(d->ntc[channel].missed > 0.0f)
+        && ht_ntc_tells(&c->ntc[channel], &d->ntc[channel])) {
+        ht_heat_measured(&c->heat, &d->heat, d->ntc[channel].degC);
+    }
+}
+
+/* What the sensors say of themselves. */
+static uint32_t broken_sensors(const ht_drive *d)
+{
+    uint32_t faults = 0u;
+    if (d->sensors[HT_SLOW_WINDING] != (uint16_t)HT_NTC_WHOLE) {
+        faults |= (d->sensors[HT_SLOW_WINDING] == (uint16_t)HT_NTC_OPEN) ? HT_FAULT_WINDING_OPEN
+                                                                         : HT_FAULT_WINDING_SHORT;
+    }
+    if (d->sensors[HT_SLOW_SINK] != (uint16_t)HT_NTC_WHOLE) {
+        faults |= (d->sensors[HT_SLOW_SINK] == (uint16_t)HT_NTC_OPEN) ? HT_FAULT_SINK_OPEN
+                                                                      : HT_FAULT_SINK_SHORT;
+    }
+    return faults;
+}
+
 /* The machine cools in every state. Gates that are on need a winding that is not too hot. */
 static void follow_heat(ht_drive *d, const ht_drive_config *c)
 {
@@ -579,15 +623,16 @@ static void follow_heat(ht_drive *d, const ht_drive_config *c)
     float winding_degC;
     hear_build(d, c);
     ht_heat_step(&c->heat, &d->heat, powered, frame_W(d, c), telling_ohm(d, c));
+    read_sensors(d, c);
     winding_degC = ht_heat_winding_degC(&c->heat, &d->heat);
     d->heat_share = ht_heat_share(&c->heat, winding_degC);
     d->heat_warnings = (d->heat_share < 1.0f) ? (uint16_t)HT_WARNING_WINDING : 0u;
 }
 
-/* The winding is too hot. It need not be so that there is a limit before the trip. */
+/* The winding is too hot, or nobody knows. It need not be so that there is a limit before the trip. */
 static uint32_t too_hot(const ht_drive *d)
 {
-    return (d->heat_share > 0.0f) ? 0u : HT_FAULT_WINDING;
+    return broken_sensors(d) | ((d->heat_share > 0.0f) ? 0u : HT_FAULT_WINDING);
 }
 
 /* The others are the fast interrupt's. */
@@ -659,4 +704,11 @@ void ht_drive_slow_isr(ht_drive *d)
         d->slow_faults = faults | too_hot(d);
     }
     switch_outputs(d, c);
+}
+
+float ht_drive_sink_degC(const ht_drive *d)
+{
+    const ht_drive_config *c = ht_config_in_force(d);
+    bool tells = ht_ntc_tells(&c->ntc[HT_SLOW_SINK], &d->ntc[HT_SLOW_SINK]);
+    return tells ? d->ntc[HT_SLOW_SINK].degC : c->heat.ambient_degC;
 }

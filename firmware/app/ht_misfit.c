@@ -2,6 +2,7 @@
 
 #include "ht_lost_legs.h"
 #include "ht_magnet.h"
+#include "ht_ntc.h"
 #include "ht_schemes.h"
 #include "port.h"
 
@@ -273,6 +274,24 @@ static bool outputs_fit(const float *v, uint16_t misfit)
     return result;
 }
 
+/* What a thermistor demands. */
+static bool ntc_fits(const float *v, uint16_t ohm, uint16_t beta_K, float hot_degC)
+{
+    ht_ntc_config c;
+    if (v[ohm] == 0.0f) {
+        return true;
+    }
+    ht_ntc_configure(&c, v[ohm], v[beta_K], v[HT_P_ntc_pull_up_ohm], 1.0f);
+    return ht_ntc_reaches(&c, hot_degC);
+}
+
+float ht_misfit_ntc_degC(const ht_params *p, uint16_t misfit)
+{
+    const float most = (float)HT_NTC_HOT_DEGC;
+    float trip_degC = p->v[HT_P_winding_trip_degC];
+    return ((misfit == (uint16_t)HT_MISFIT_WINDING_NTC) && (trip_degC > most)) ? trip_degC : most;
+}
+
 static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
 {
     const float *v = p->v;
@@ -349,6 +368,14 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         break;
     case HT_MISFIT_HEAT_RS:
         result = (v[HT_P_rs_tells] == 0.0f) || learns_rs(v);
+        break;
+    case HT_MISFIT_WINDING_NTC:
+        result = ntc_fits(v, (uint16_t)HT_P_winding_ntc_ohm, (uint16_t)HT_P_winding_ntc_K,
+                          ht_misfit_ntc_degC(p, misfit));
+        break;
+    case HT_MISFIT_SINK_NTC:
+        result = ntc_fits(v, (uint16_t)HT_P_sink_ntc_ohm, (uint16_t)HT_P_sink_ntc_K,
+                          ht_misfit_ntc_degC(p, misfit));
         break;
     case HT_MISFIT_STOP_TIME:
         result = v[HT_P_stop_s] >= ht_misfit_stop_s(p);

@@ -27,6 +27,12 @@ uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
     for (i = 0u; i < (uint16_t)HT_ADC_CHANNELS; i++) {
         out[n++] = m->adc_result[i];
     }
+    out[n++] = m->adc_slow_result[0];
+    if (m->adc_slow_select != ABSENT) {
+        out[n++] = m->adc_slow_select;
+    } else {
+        out[n++] = m->adc_slow_result[1];
+    }
     for (i = 0u; i < EQEP_WORDS; i++) {
         out[n++] = m->eqep + i;
     }

@@ -12,6 +12,8 @@
 
 /** Channels of the conversion sequence: six currents in phase order, Vdc. */
 #define HT_MAP_CHANNELS 7
+/** And slow ones: thermistors of winding and heat sink. */
+#define HT_MAP_SLOW_CHANNELS 2
 
 /** HT_DEVICE_<name> of every chip, in the order of ht_chips.def; HT_DEVICES is their number. */
 typedef enum {
@@ -60,6 +62,8 @@ typedef struct {
     uint16_t etsel;
     uint16_t etps;
     uint32_t adc_result[HT_MAP_CHANNELS];
+    uint32_t adc_slow_result[HT_MAP_SLOW_CHANNELS];
+    uint32_t adc_slow_select; /**< ADCCHSELSEQ2, where they take turns; 0xFFFF: they do not */
     uint16_t adc_shift;     /**< right shift to 12-bit counts */
     uint32_t adc_flag;      /**< end of the sequence: register ... */
     uint16_t adc_flag_bit;  /**< ... and bit that shows it, */

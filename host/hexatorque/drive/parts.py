@@ -97,6 +97,7 @@ def sensors(setup: Setup, controller: firmware.Controller, period_s: float) -> n
     return sensors_record(
         lambda name: setup[f"sensors.{name}"],
         controller.map,
+        list(controller.port.board.slow_channel),
         int(controller.port.eqep),
         firmware.lib.HT_ADC_FULL,
         firmware.lib.HT_ADC_MID,

@@ -152,6 +152,12 @@ ALWAYS: dict[str, Rule] = {
     "dead_time_us": Rule("the inverter's", lambda k: k.setup["inverter.dead_time_us"]),
     "i_full_A": Rule("the sensors'", lambda k: k.setup["sensors.i_full_A"]),
     "vdc_full_V": Rule("the sensors'", lambda k: k.setup["sensors.vdc_full_V"]),
+    **{
+        name: Rule("the sensors'", lambda k, name=name: k.setup[f"sensors.{name}"])
+        for name in (
+            "winding_ntc_ohm", "winding_ntc_K", "sink_ntc_ohm", "sink_ntc_K", "ntc_pull_up_ohm",
+        )
+    },
     "link_F": Rule("the dc link's", lambda k: k.setup["inverter.link_F"]),
     "winding_K_W": Rule("of [heat]", lambda k: k.setup["heat.winding_K_W"]),
     "winding_s": Rule(

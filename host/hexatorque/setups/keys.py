@@ -170,6 +170,17 @@ KEYS: dict[str, dict[str, Key]] = {
         "i_filter_Hz": _n("corner of the current sensors' filter, 0: none", "Hz", 0, 1e7, 0.0),
         "i_noise_A": _n("current sensor noise, rms, white at the converter", "A", 0, 100, 0.0),
         "noise_seed": Key("integer", "the same seed gives the same noise", "", 1, 1e9, default=1),
+        "winding_ntc_ohm": _n(
+            "thermistor in the winding of u1, its resistance at 25 degC, 0: none", "ohm", 0, 1e6, 0.0
+        ),
+        "winding_ntc_K": _n("its beta", "K", 1e3, 1e4, 3950.0),
+        "sink_ntc_ohm": _n(
+            "thermistor on the heat sink, its resistance at 25 degC, 0: none", "ohm", 0, 1e6, 0.0
+        ),
+        "sink_ntc_K": _n("its beta", "K", 1e3, 1e4, 3950.0),
+        "ntc_pull_up_ohm": _n(
+            "resistor from the converter's reference to each thermistor", "ohm", 1, 1e6, 4700.0
+        ),
         "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000),
         "encoder_error_cycles": _n(
             "rise of the encoder's channel B late, fall early by this", "cycles", 0, 0.1, 0.0
