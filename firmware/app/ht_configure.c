@@ -340,7 +340,7 @@ static void configure_sensors(const float *v, ht_drive_config *c)
     if (c->heat.sensed) {
         c->heat.rs_tells = (uint16_t)HT_RS_TELLS_NOTHING;
         if (c->heat.steps > 0.0f) {
-            c->heat.heed = ht_limited(HT_HEAT_HEED / (v[HT_P_winding_s] * readings_Hz), 1.0f);
+            c->heat.heed = ht_limited(HT_HEAT_SENSOR_HEED / (v[HT_P_winding_s] * readings_Hz), 1.0f);
         }
     }
 }

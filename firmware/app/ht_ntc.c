@@ -6,8 +6,8 @@
 #define KELVIN_25_DEGC 298.15f
 #define LN_2 0.69314718f
 #define ROOT_2 1.41421356f
-/* Time constant of the readings' low pass, and for how long a reading may tell nothing. */
-#define LOW_PASS_S 0.5f
+/* Time constant of the readings' low pass, against noise, and for how long a reading may tell nothing. */
+#define LOW_PASS_S 0.1f
 #define PATIENCE_S 0.1f
 #define LEAST_PATIENCE 3.0f
 #define HIGHEST ((uint16_t)(HT_ADC_FULL - HT_NTC_END_COUNTS))

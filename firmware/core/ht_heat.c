@@ -6,6 +6,9 @@
  * where R_s tells it while the drive runs (3.5 K were found), and after a build-up (8 K), which is short. */
 #define TRUST_K 5.0f
 #define BUILT_TRUST_K 10.0f
+/* The temperature that R_s tells is followed so many times as quickly as the winding's heat goes to the frame: a wrong model pulls
+ * its temperatures back. */
+#define HEED 8.0f
 /* R_s itself may be learnt up to this rise: what the model may be wrong by is small. */
 #define COLD_K 15.0f
 
@@ -177,7 +180,7 @@ void ht_heat_step(const ht_heat_config *cfg, ht_heat_state *st, bool powered, fl
         step(cfg, st);
         if (st->told > 0.0f) {
             hear(cfg, st, st->told_ohm / st->told,
-                 ht_limited(HT_HEAT_HEED * cfg->to_frame * (st->told / st->summed), 1.0f), TRUST_K);
+                 ht_limited(HEED * cfg->to_frame * (st->told / st->summed), 1.0f), TRUST_K);
         }
         begin(st);
     }

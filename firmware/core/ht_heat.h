@@ -15,7 +15,7 @@
  *  What R_s tells is the mean of the parts, weighted by their squared currents: so its drop acts.
  *
  *  A sensor in the winding of u1 beats both: it moves all temperatures to where its own part has the
- *  measured one, at once at the first reading, later as quickly as R_s does. Without a thermal resistance
+ *  measured one, at the first reading at once. Without a thermal resistance
  *  all parts have the measured temperature. Steps are as long as the time constants allow: the many small ones of each slow interrupt
  *  would be lost in a float.
  */
@@ -32,9 +32,9 @@
 /** Copper has no resistance at this temperature, as a straight line through that at 20 degC tells. */
 #define HT_COPPER_ZERO_DEGC (20.0f - 1.0f / HT_COPPER_PER_K)
 
-/** The temperature that R_s or a sensor tells is followed so many times as quickly as the winding's heat goes
- *  to the frame: a wrong model pulls its temperatures back. */
-#define HT_HEAT_HEED 8.0f
+/** A sensor's temperature is followed so many times as quickly as the winding's heat goes to the frame: a
+ *  wrong model pulls its temperatures back. */
+#define HT_HEAT_SENSOR_HEED 16.0f
 
 /** What the adapted R_s tells (parameter `rs_tells`): nothing; the temperature, because rs_ohm is exact;
  *  or R_s itself, once, while the model has the winding cold, and from then on the temperature. */

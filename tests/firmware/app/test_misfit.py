@@ -159,6 +159,15 @@ CASES = {
         {"chopper_on_V": 360.0},
         "chopper_off_V = 0 V, vdc_min_V = 150 V: with a chopper (chopper_on_V) the first must be",
     ),
+    "WINDING_NTC": (
+        {"winding_ntc_ohm": 10e3, "winding_trip_degC": 170.0, "ntc_pull_up_ohm": 25e3},
+        "ntc_pull_up_ohm = 25000 ohm, winding_ntc_ohm = 10000 ohm: allowed is 621.1 to 2.223e+04 "
+        "ohm: the readings must tell",
+    ),
+    "SINK_NTC": (
+        {"sink_ntc_ohm": 1e3, "ntc_pull_up_ohm": 50.0},
+        "ntc_pull_up_ohm = 50 ohm, sink_ntc_ohm = 1000 ohm: allowed is 62.11 to 3038 ohm: the",
+    ),
 }
 
 

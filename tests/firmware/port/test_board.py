@@ -123,20 +123,21 @@ def test_pwm_clock(started):
 
 def test_adc_timing(started):
     """Clock within the data sheet's limit, a sample of 75 ns (F28377S) or more, and all
-    seven channels within a few us of each other; no current at an input that loads its source."""
+    seven channels within a few us of each other; no current at an input that loads its source. The
+    thermistors come last: on the F28377S when all others are over, or beside the dc link."""
     clock = SYSCLK[started.name]
     if started.small:
         hspclk = clock / (2 * started.word(0x701A))
         adc = hspclk / (2 * (started.word(0x7118) >> 1 & 0xF))
         assert adc <= 25e6
         window = ((started.word(0x7100) >> 8 & 0xF) + 1) / adc
-        sequence = 7 * (window + 1 / adc) + 2 / adc
-        channels = [started.word(0x7103 + n // 4) >> 4 * (n % 4) & 0xF for n in range(7)]
-        assert started.word(0x7102) + 1 == 7
-        assert channels == list(range(7))
+        sequence = 8 * (window + 1 / adc) + 2 / adc
+        channels = [started.word(0x7103 + n // 4) >> 4 * (n % 4) & 0xF for n in range(8)]
+        assert started.word(0x7102) + 1 == 8
+        assert channels == list(range(8))  # A0 ... A6, and the winding's thermistor at A7
     else:
         inputs = {}
-        for name, base, conversions in (("A", 0x7400, 4), ("B", 0x7480, 3)):
+        for name, base, conversions in (("A", 0x7400, 5), ("B", 0x7480, 4)):
             ratio = 1 + (started.word(base + 1) & 0xF) / 2  # PRESCALE: 1, (1.5), 2, 2.5, ...
             assert clock / ratio <= 50e6
             assert started.word(base + 1) & 0xC0 == 0  # 12 bits, single-ended
@@ -151,8 +152,9 @@ def test_adc_timing(started):
         sequence = 4 * (window + 41 / clock)  # tEOC at PRESCALE 6
         assert started.word(0x7407) & 0x2F == 0x23  # INT1 at the end of the last
         # u1 w1 v1 and the dc link, u2 w2 v2: where the results are read is the driver's test.
-        assert len({*inputs["A"], *inputs["B"]}) == 7
-        assert not {*inputs["A"][:3], *inputs["B"]} & LOADED_INPUTS
+        assert len({*inputs["A"], *inputs["B"]}) == 9
+        assert not {*inputs["A"], *inputs["B"]} & LOADED_INPUTS
+        assert (inputs["A"][4], inputs["B"][3]) == (("A", 5), ("B", 5))  # thermistors
         assert {*inputs["A"], *inputs["B"]} <= LAUNCHPAD_INPUTS
     assert 1e-6 < sequence < 3e-6
 
