@@ -7,6 +7,7 @@
 #include "ht_alignment.h"
 #include "ht_control.h"
 #include "ht_derating.h"
+#include "ht_device_heat.h"
 #include "ht_excitation.h"
 #include "ht_heat.h"
 #include "ht_least_loss.h"
@@ -36,6 +37,7 @@ typedef struct {
     ht_flux_config flux;
     ht_vdc_config vdc;
     ht_heat_config heat;
+    ht_device_heat_config device_heat;
     float omega_mean_gain;
     float lxy_gain;        /**< of L_xy that the check of the legs learns, per slow interrupt */
     float pull_out_Nm_Wb2; /**< torque limit per flux squared */

@@ -615,9 +615,9 @@ HT_SELDOM static void limit_by_vdc(ht_drive *d)
     if ((vdc_V <= c->above_V) && (vdc_V >= c->below_V)) {
         return;
     }
-    torque_Nm =
-        ht_vdc_torque_Nm(c, d->torque_ref_Nm, d->torque_limit_Nm, d->speed_rpm * RAD_S_PER_RPM,
-                         d->vdc_from_rpm * RAD_S_PER_RPM, vdc_V);
+    torque_Nm = ht_vdc_torque_Nm(c, d->torque_ref_Nm, d->torque_limit_Nm,
+                                 d->speed_rpm * RAD_S_PER_RPM, d->vdc_from_rpm * RAD_S_PER_RPM,
+                                 vdc_V);
     torque_Nm = (torque_Nm < d->torque_least_Nm) ? d->torque_least_Nm : torque_Nm;
     if (torque_Nm != d->torque_ref_Nm) {
         unsigned acts = (vdc_V > c->above_V) ? (unsigned)HT_LIMIT_VDC_HIGH
@@ -648,8 +648,7 @@ static inline void drive(ht_drive *d, bool build)
         return;
     }
     d->in.torque_ref_Nm = d->torque_ref_Nm; /* 0 in BUILD */
-    if (!build
-        && ((d->in.vdc_V > d->look_above_V) || (d->in.vdc_V < d->config->vdc.below_V))) {
+    if (!build && ((d->in.vdc_V > d->look_above_V) || (d->in.vdc_V < d->config->vdc.below_V))) {
         limit_by_vdc(d);
     }
     if (build) {

@@ -158,6 +158,8 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     ht_outputs_reset(&d->outputs);
     ht_port_outputs(port, ALL_OUTPUTS, 0u);
     ht_heat_reset(&d->heat);
+    ht_device_heat_reset(&d->device_heat);
+    d->heat_faults = 0u;
     for (row = 0u; row < (uint16_t)HT_SLOW_CHANNELS; row++) {
         ht_ntc_reset(&d->ntc[row]);
         d->sensors[row] = (uint16_t)HT_NTC_WHOLE;

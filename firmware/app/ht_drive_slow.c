@@ -616,23 +616,34 @@ static uint32_t broken_sensors(const ht_drive *d)
     return faults;
 }
 
+/* Share of the torque that the power stage's temperature leaves. */
+static float device_share(const ht_drive *d, const ht_drive_config *c)
+{
+    const ht_device_heat_config *device = &c->device_heat;
+    bool watched = (device->K_W > 0.0f)
+                   || ht_ntc_tells(&c->ntc[HT_SLOW_SINK], &d->ntc[HT_SLOW_SINK]);
+    return watched ? ht_heat_left(ht_drive_device_degC(d), device->limit_degC, device->trip_degC)
+                   : 1.0f;
+}
+
 /* The machine cools in every state. Gates that are on need a winding that is not too hot. */
 static void follow_heat(ht_drive *d, const ht_drive_config *c)
 {
     bool powered = (ht_state_flags(d->state) & (unsigned)HT_GATES_ON) != 0u;
-    float winding_degC;
+    float winding;
+    float device;
     hear_build(d, c);
     ht_heat_step(&c->heat, &d->heat, powered, frame_W(d, c), telling_ohm(d, c));
     read_sensors(d, c);
-    winding_degC = ht_heat_winding_degC(&c->heat, &d->heat);
-    d->heat_share = ht_heat_share(&c->heat, winding_degC);
-    d->heat_warnings = (d->heat_share < 1.0f) ? (uint16_t)HT_WARNING_WINDING : 0u;
-}
-
-/* The winding is too hot, or nobody knows. It need not be so that there is a limit before the trip. */
-static uint32_t too_hot(const ht_drive *d)
-{
-    return broken_sensors(d) | ((d->heat_share > 0.0f) ? 0u : HT_FAULT_WINDING);
+    ht_device_heat_step(&c->device_heat, &d->device_heat, d->heat.square_A2, powered, d->in.vdc_V);
+    winding = ht_heat_share(&c->heat, ht_heat_winding_degC(&c->heat, &d->heat));
+    device = device_share(d, c);
+    d->heat_share = (winding < device) ? winding : device;
+    d->heat_warnings = (uint16_t)(((winding < 1.0f) ? (unsigned)HT_WARNING_WINDING : 0u)
+                                  | ((device < 1.0f) ? (unsigned)HT_WARNING_DEVICE : 0u));
+    /* It need not be so that there is a limit before the trip. */
+    d->heat_faults = broken_sensors(d) | ((winding > 0.0f) ? 0u : HT_FAULT_WINDING)
+                     | ((device > 0.0f) ? 0u : HT_FAULT_DEVICE);
 }
 
 /* The others are the fast interrupt's. */
@@ -681,7 +692,7 @@ void ht_drive_slow_isr(ht_drive *d)
     }
     if (d->state == (uint16_t)HT_STATE_RUN) {
         faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
-        d->slow_faults = faults | too_hot(d);
+        d->slow_faults = faults | d->heat_faults;
         if (c->control.observer.magnets) {
             ht_leg_loss_tolerate(&d->control.leg_loss, c->params.v[HT_P_rs_ohm],
                                  c->params.v[HT_P_lxy_H], d->control.observer.omega_sync_rad_s);
@@ -701,7 +712,7 @@ void ht_drive_slow_isr(ht_drive *d)
         if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->control.observer.magnets) {
             faults = follow_build(d, c);
         }
-        d->slow_faults = faults | too_hot(d);
+        d->slow_faults = faults | d->heat_faults;
     }
     switch_outputs(d, c);
 }
@@ -711,4 +722,9 @@ float ht_drive_sink_degC(const ht_drive *d)
     const ht_drive_config *c = ht_config_in_force(d);
     bool tells = ht_ntc_tells(&c->ntc[HT_SLOW_SINK], &d->ntc[HT_SLOW_SINK]);
     return tells ? d->ntc[HT_SLOW_SINK].degC : c->heat.ambient_degC;
+}
+
+float ht_drive_device_degC(const ht_drive *d)
+{
+    return ht_device_heat_degC(&d->device_heat, ht_drive_sink_degC(d));
 }

@@ -20,6 +20,7 @@ enum {
 #define HT_FAULT_WINDING_SHORT 0x40000u
 #define HT_FAULT_SINK_OPEN 0x80000u
 #define HT_FAULT_SINK_SHORT 0x100000u
+#define HT_FAULT_DEVICE 0x200000u
 
 enum {
 #define HT_WARNING(name, bit, text, help) HT_WARNING_##name = (bit),

@@ -358,6 +358,9 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         result = (v[HT_P_winding_K_W] == 0.0f)
                  || (v[HT_P_winding_limit_degC] > v[HT_P_ambient_degC]);
         break;
+    case HT_MISFIT_DEVICE_AMBIENT:
+        result = (v[HT_P_device_K_W] == 0.0f) || (v[HT_P_device_limit_degC] > v[HT_P_ambient_degC]);
+        break;
     case HT_MISFIT_HEAT_TIMES:
         result = ht_misfit_heat_per_s(p) <= 0.125f * v[HT_P_f_slow_Hz];
         break;

@@ -30,8 +30,7 @@ static float logarithm(float x)
     }
     z = (x - 1.0f) / (x + 1.0f);
     z2 = z * z;
-    return LN_2 * halves
-           + 2.0f * z * (1.0f + z2 * (0.33333333f + z2 * (0.2f + z2 * 0.14285714f)));
+    return LN_2 * halves + 2.0f * z * (1.0f + z2 * (0.33333333f + z2 * (0.2f + z2 * 0.14285714f)));
 }
 
 void ht_ntc_reset(ht_ntc_state *st)

@@ -32,7 +32,7 @@ typedef struct {
     float stands; /**< the voltage must stand for so long, and the relay takes as long to close */
     float opens;  /**< time in which the brake opens; 0: there is none */
     float closes;
-    float hold_Nm;   /**< torque before it opens */
+    float hold_Nm;      /**< torque before it opens */
     float fan_after;    /**< time for which the fan goes on; 0: there is none */
     float chopper_on_V; /**< out of reach if there is none */
     float chopper_off_V;

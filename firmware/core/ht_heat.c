@@ -196,14 +196,16 @@ float ht_heat_winding_degC(const ht_heat_config *cfg, const ht_heat_state *st)
     return cfg->ambient_degC + most_K;
 }
 
+float ht_heat_left(float degC, float limit_degC, float trip_degC)
+{
+    if (degC <= limit_degC) {
+        return 1.0f;
+    }
+    return (degC >= trip_degC) ? 0.0f : ((trip_degC - degC) / (trip_degC - limit_degC));
+}
+
 float ht_heat_share(const ht_heat_config *cfg, float winding_degC)
 {
     bool watched = (cfg->steps > 0.0f) || cfg->sensed;
-    if (!watched || (winding_degC <= cfg->limit_degC)) {
-        return 1.0f;
-    }
-    if (winding_degC >= cfg->trip_degC) {
-        return 0.0f;
-    }
-    return (cfg->trip_degC - winding_degC) / (cfg->trip_degC - cfg->limit_degC);
+    return watched ? ht_heat_left(winding_degC, cfg->limit_degC, cfg->trip_degC) : 1.0f;
 }

@@ -94,7 +94,10 @@ float ht_heat_rs_ohm(const ht_heat_config *cfg, const ht_heat_state *st);
 /** Temperature of the hottest part of the winding. */
 float ht_heat_winding_degC(const ht_heat_config *cfg, const ht_heat_state *st);
 
-/** Share of the torque that a winding of this temperature leaves: 1 up to the limit, 0 at the trip. */
+/** Share of the torque that a temperature leaves: 1 up to the limit, 0 at the trip. */
+float ht_heat_left(float degC, float limit_degC, float trip_degC);
+
+/** The same of a winding. */
 float ht_heat_share(const ht_heat_config *cfg, float winding_degC);
 
 #endif

@@ -230,7 +230,8 @@ static void look(ht_link *l, ht_pil_inputs *in)
     in->beyond = ht_port_beyond(&l->port);
     for (leg = 0u; leg < (uint16_t)HT_SLOW_CHANNELS; leg++) {
         uint32_t result = l->port.map->adc_slow_result[leg];
-        in->slow[leg] = (uint16_t)(*ht_regfile_word(&l->registers, result) >> l->port.map->adc_shift);
+        in->slow[leg] =
+            (uint16_t)(*ht_regfile_word(&l->registers, result) >> l->port.map->adc_shift);
     }
     in->overrun = false; /* no conversion ends during an interrupt here */
     *status = flags;

@@ -11,7 +11,7 @@
 #define ADCTRL2 0x7101u
 #define ADCMAXCONV 0x7102u
 #define ADCCHSELSEQ1 0x7103u /* four channels a register */
-#define EIGHTH 0xF000u /* of ADCCHSELSEQ2 */
+#define EIGHTH 0xF000u       /* of ADCCHSELSEQ2 */
 #define EIGHTH_SHIFT 12u
 #define NO_TURNS 0xFFFFu
 #define CONVERSIONS_F28335 8u

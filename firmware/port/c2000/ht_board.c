@@ -64,7 +64,7 @@ const ht_board ht_board_f28335 = {
     .transmit = {29u, 1u},
     .channel = {0u, 1u, 2u, 3u, 4u, 5u, 6u},
     .slow_channel = {7u, 8u}, /* A7 B0 */
-    .baud = 921600u, /* 937500: nothing nearer to 1.25 M comes out of 75 MHz */
+    .baud = 921600u,          /* 937500: nothing nearer to 1.25 M comes out of 75 MHz */
     .output = {{13u, 0u}, {14u, 0u}, {15u, 0u}, {16u, 0u}},
 };
 

@@ -155,7 +155,11 @@ ALWAYS: dict[str, Rule] = {
     **{
         name: Rule("the sensors'", lambda k, name=name: k.setup[f"sensors.{name}"])
         for name in (
-            "winding_ntc_ohm", "winding_ntc_K", "sink_ntc_ohm", "sink_ntc_K", "ntc_pull_up_ohm",
+            "winding_ntc_ohm",
+            "winding_ntc_K",
+            "sink_ntc_ohm",
+            "sink_ntc_K",
+            "ntc_pull_up_ohm",
         )
     },
     "link_F": Rule("the dc link's", lambda k: k.setup["inverter.link_F"]),

@@ -171,7 +171,11 @@ KEYS: dict[str, dict[str, Key]] = {
         "i_noise_A": _n("current sensor noise, rms, white at the converter", "A", 0, 100, 0.0),
         "noise_seed": Key("integer", "the same seed gives the same noise", "", 1, 1e9, default=1),
         "winding_ntc_ohm": _n(
-            "thermistor in the winding of u1, its resistance at 25 degC, 0: none", "ohm", 0, 1e6, 0.0
+            "thermistor in the winding of u1, its resistance at 25 degC, 0: none",
+            "ohm",
+            0,
+            1e6,
+            0.0,
         ),
         "winding_ntc_K": _n("its beta", "K", 1e3, 1e4, 3950.0),
         "sink_ntc_ohm": _n(

@@ -168,6 +168,14 @@ CASES = {
         {"sink_ntc_ohm": 1e3, "ntc_pull_up_ohm": 50.0},
         "ntc_pull_up_ohm = 50 ohm, sink_ntc_ohm = 1000 ohm: allowed is 62.11 to 3038 ohm: the",
     ),
+    "DEVICE_LEVELS": (
+        {"device_limit_degC": 131.0},
+        "device_limit_degC = 131 degC: allowed is up to device_trip_degC = 130 degC",
+    ),
+    "DEVICE_AMBIENT": (
+        {"device_K_W": 1.0, "device_limit_degC": 40.0},
+        "device_limit_degC = 40 degC, ambient_degC = 40 degC: with a model of the power stage",
+    ),
 }
 
 

@@ -393,7 +393,6 @@ def test_inverting_gate_drivers():
         assert rf.violations == 0
 
 
-
 def test_slow_readings(board):
     """The winding's thermistor is the eighth input of the F28335 and A5 of the F28377S, the heat
     sink's B0 and B5. On the F28335 they take turns, and what the sequence converts stays."""

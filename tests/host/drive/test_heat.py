@@ -309,7 +309,9 @@ def test_the_temperatures_arrive_through_divider_converter_and_registers(device,
     """Within half a step of the converter where the thermistor's curve is flat: 4.7 kohm against
     260 ohm at 130 degC are 7 counts a kelvin, 10 bits have steps of 4 counts."""
     sim = SimulatedDrive(
-        load("paper-a-feasible").changed({**NTC, "timing.device": device, "sensors.adc_bits": bits}),
+        load("paper-a-feasible").changed(
+            {**NTC, "timing.device": device, "sensors.adc_bits": bits}
+        ),
         1,
     )
     for winding, sink in ((-15.0, 130.0), (80.0, 20.0), (130.0, -15.0)):
