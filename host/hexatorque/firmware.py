@@ -352,8 +352,9 @@ def _pull_up_text(misfit: int, value_of: Callable[[str], Any]) -> str:
     table, place = parameters(), _NTC[misfit]
     values = [row.parse(value_of(name)) for name, row in table.items()]
     hot_degC = lib.ht_misfit_ntc_degC(ffi.new("ht_params *", [values]), misfit)
-    ohm, beta_K = (table[f"{place}_ntc_{unit}"] for unit in ("ohm", "K"))
-    ohm, beta_K = ohm.parse(value_of(ohm.name)), beta_K.parse(value_of(beta_K.name))
+    ohm, beta_K = (
+        table[name].parse(value_of(name)) for name in (f"{place}_ntc_ohm", f"{place}_ntc_K")
+    )
     config = ffi.new("ht_ntc_config *")
 
     def share_at(degC: float) -> float:

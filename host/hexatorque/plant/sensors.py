@@ -74,8 +74,9 @@ def sensors_record(
     period_s: float,
 ) -> np.record:
     """value: the value of a key of the set-up's section [sensors]; chip: the map of its registers;
-    slow_channel: the converter's inputs of the thermistors; eqep: word address of the encoder's; full, middle: counts of the converter's range and of no
-    current; period_s: from sample to sample."""
+    slow_channel: the converter's inputs of the thermistors; eqep: word address of the encoder's;
+    full, middle: counts of the converter's range and of no current; period_s: from sample to
+    sample."""
     per_A = full / (2 * value("i_full_A"))
     wires = np.array(value("i_wires"), int)
     return record(

@@ -55,8 +55,8 @@ def test_rises_are_those_of_the_equation(make, seed):
 
 
 def test_the_worst_leg_at_standstill_counts(make):
-    """A direct current of the amplitude in one leg, against the same current turning: its loss is up
-    to twice the mean of a sine's, and the hottest leg is the one that has it."""
+    """A direct current of the amplitude in one leg, against the same current turning: its loss is
+    up to twice the mean of a sine's, and the hottest leg is the one that has it."""
     amplitude = 20.0
     standing = [
         amplitude,

@@ -184,7 +184,7 @@ CHOPPER = {"controller.chopper_on_V": ON_V, "controller.chopper_off_V": OFF_V}
 
 
 def braked(**changes):
-    """The drive, and each millisecond from 90 % speed to a standstill: voltage, is the chopper on."""
+    """The drive, and each millisecond from 90 % speed to a standstill: voltage, chopper."""
     sim = SimulatedDrive(load(NAME).changed({**LINK, "controller.scheme": "ddr", **changes}), 1)
     sim.start()
     sim.set("speed_ref_rpm", 1215)
