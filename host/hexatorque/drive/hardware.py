@@ -47,7 +47,8 @@ class Hardware:
     sensors.
 
     load_Nm, vdc_V: torque of the load and voltage of the dc link now, or of the link's source if
-    there is `inverter.link_F`; link_V: true voltage of the link; period_s: control period;
+    there is `inverter.link_F`; link_V: true voltage of the link; sink_degC: temperature of the heat
+    sink; period_s: control period;
     periods: how many have passed; plant_state: (8,) the machine's state as its model has it, [6] is
     the speed of the shaft in rad/s; machine: the model's parameters; sensors, inverter: numpy
     records of the plant's, which may be changed between two runs.
@@ -85,7 +86,7 @@ class Hardware:
         self._map = parts.pwm_map(self.controller.map, board.gates_active_low, board.min_pulse_us)
         #: The sensors' constants and state. They may be changed between two runs.
         self.sensors = parts.sensors(setup, self.controller, self.period_s)
-        #: Temperature of the power stage's heat sink.
+        #: Temperature of the power stage's heat sink. Nothing warms it.
         self.sink_degC = float(setup["heat.ambient_degC"])
         self._thermistors = dict.fromkeys(THERMISTORS, "none")
         self._registers = self.controller.register_words()
