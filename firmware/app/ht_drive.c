@@ -160,8 +160,8 @@ void ht_drive_look(ht_drive *d)
     d->look_above_V = (d->chops != 0u) ? -1.0f : above_V;
 }
 
-/* Once in each period without control. RUN looks with the dc link's limits. */
-static inline void look_at_link(ht_drive *d)
+/* Once in each period. BUILD at standstill and RUN look with the dc link's limits. */
+HT_SELDOM static void look_at_link(ht_drive *d)
 {
     if (d->in.vdc_V > d->look_above_V) {
         follow_chopper(d);
@@ -612,7 +612,7 @@ HT_SELDOM static void limit_by_vdc(ht_drive *d)
     float vdc_V = d->in.vdc_V;
     float torque_Nm;
     follow_chopper(d);
-    if ((vdc_V <= c->above_V) && (vdc_V >= c->below_V)) {
+    if ((d->state != (uint16_t)HT_STATE_RUN) || ((vdc_V <= c->above_V) && (vdc_V >= c->below_V))) {
         return;
     }
     torque_Nm = ht_vdc_torque_Nm(c, d->torque_ref_Nm, d->torque_limit_Nm,
@@ -648,7 +648,7 @@ static inline void drive(ht_drive *d, bool build)
         return;
     }
     d->in.torque_ref_Nm = d->torque_ref_Nm; /* 0 in BUILD */
-    if (!build && ((d->in.vdc_V > d->look_above_V) || (d->in.vdc_V < d->config->vdc.below_V))) {
+    if ((d->in.vdc_V > d->look_above_V) || (!build && (d->in.vdc_V < d->config->vdc.below_V))) {
         limit_by_vdc(d);
     }
     if (build) {
@@ -697,6 +697,7 @@ HT_SELDOM static void align(ht_drive *d)
     uint32_t faults = faults_in_build(d) | d->slow_faults; /* the shaft may swing */
     ht_alignment step;
     ht_compare out;
+    look_at_link(d);
     if (d->state_ticks == 1u) {
         ht_alignment_begin(&c->alignment, &d->rotor);
     }
@@ -757,6 +758,7 @@ HT_SELDOM static bool catch_rotor(ht_drive *d)
     uint32_t faults = faults_in_build(d) | d->slow_faults | d->rotor_faults;
     ht_rotor_catch found = HT_CATCHING;
     ht_compare low;
+    look_at_link(d);
     if (d->state_ticks > 1u) {
         found = ht_rotor_catch_step(&c->control.observer, &d->rotor_catch, omega_rad_s(d),
                                     d->in.axis, current_A(d), c->protect.i_trip_A);
@@ -814,6 +816,7 @@ HT_SELDOM static void catch_shaft(ht_drive *d)
     uint32_t faults = faults_in_build(d) | d->slow_faults;
     float omega = omega_rad_s(d);
     ht_compare out;
+    look_at_link(d);
     if (faults != 0u) {
         fault(d, faults);
         return;
@@ -909,7 +912,6 @@ void ht_drive_fast_isr(ht_drive *d)
         break;
     case HT_STATE_BUILD:
         d->state_ticks++;
-        look_at_link(d);
         if (d->config->control.observer.magnets && (d->catches != 0u)) {
             if (catch_rotor(d)) {
                 begin_run_caught(d);
