@@ -31,7 +31,7 @@ CORE, APP = ROOT / "firmware" / "core", ROOT / "firmware" / "app"
 #: A row of a .def file: its kind and its arguments, which may be strings.
 ROW = re.compile(r'^(HT_\w+)\(((?:"[^"]*"|[^"\n])*)\)', re.M)
 #: How many numbers a value of these kinds has.
-COUNTS = {"phases": (6, "six"), "harmonics": (4, "four")}
+COUNTS = {"phases": (6, "six"), "harmonics": (4, "four"), "pairs": (4, "four")}
 ARGUMENT = re.compile(r'\s*((?:"[^"]*"|[^",])+)')
 
 

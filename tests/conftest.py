@@ -19,6 +19,7 @@ than some seconds of computing time.
 import functools
 import json
 import os
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -132,8 +133,14 @@ def pytest_terminal_summary(terminalreporter, exitstatus, config):
         return
     ended = (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.NO_TESTS_COLLECTED)
     stats = terminalreporter.stats
+    took_s: Counter[str] = Counter()
+    for reports in stats.values():
+        for report in reports:
+            if isinstance(report, pytest.TestReport):
+                took_s[report.nodeid.split("::")[0]] += report.duration
     found = {
         "ended": exitstatus in ended,
+        "took_s": took_s,
         "passed": [report.nodeid for report in stats.get("passed", [])],
         "failed": [report.nodeid for kind in ("failed", "error") for report in stats.get(kind, [])],
         "skipped": [report.longrepr[2] for report in stats.get("skipped", [])],

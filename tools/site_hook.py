@@ -54,6 +54,8 @@ PYTHON = {
     "laws.patterns": ("centred", "vector", "vectors"),
     "recording.recording": ("Recording",),
     "sweeps.study": ("Study",),
+    "sweeps.space": ("Draw",),
+    "sweeps.work": ("Runs",),
     "recording.writer": ("Writer",),
     "analysis.metrics": ("metrics",),
     "errors": ("InputError", "HexatorqueError"),
@@ -305,24 +307,43 @@ def channels_page() -> str:
 
     about = defined("ht_channels.def", "HT_(?:CONTROL_)?CHANNEL")
     channels = [(f"`{name}`", unit, about[name][-1]) for name, unit in firmware.channels()]
-    faults = [
-        (row[2], f"`{row[1].rstrip('u')}`", row[3])
-        for row in defined("ht_faults.def", "HT_FAULT").values()
-    ]
-    warnings = [
-        (row[2], f"`{row[1]}`", row[3]) for row in defined("ht_warnings.def", "HT_WARNING").values()
-    ]
     return (
-        "# Channels, faults and warnings\n\n## Channels\n\nWhat the firmware measures or "
+        "# Channels, faults and states\n\n## Channels\n\nWhat the firmware measures or "
         "estimates, written from `firmware/app/ht_channels.def`. A simulation also records "
         "`plant.…`: the true values.\n\n"
         + table(("name", "unit", "what"), channels)
-        + "\n## Faults\n\nWritten from `firmware/app/ht_faults.def`. How each is found is in "
-        "[Protection](../protection.md).\n\n"
-        + table(("fault", "bit", "what"), faults)
-        + "\n## Warnings\n\nBits of the channel `warnings`, written from "
-        "`firmware/app/ht_warnings.def`.\n\n" + table(("warning", "bit", "what"), warnings)
+        + "".join(rows_of(word, what) for word, what in WORDS.items())
     )
+
+
+#: Word of a table of the firmware, `ht_WORDs.def` -> what the page says of it.
+WORDS = {
+    "fault": "How each is found is in [Protection](../protection.md).",
+    "warning": "Bits of the channel `warnings`.",
+    "limit": "Bits of the channel `limits`: what keeps the torque from its reference.",
+    "state": "The flags say whether the drive was started, its gates are on, and it controls.",
+    "event": "What the log of a board keeps ([at the bench](../bench.md#what-a-board-remembers)).",
+    "reset": "Why a board started.",
+}
+
+
+def rows_of(word: str, what: str) -> str:
+    """A table of the firmware whose rows have a name, a number, a text and a word of help."""
+    file = f"ht_{word}s.def"
+    rows = [
+        (row[2], f"`{row[1].rstrip('u')}`", in_words(row[3]))
+        for row in defined(file, f"HT_{word.upper()}").values()
+    ]
+    return f"\n## {word.capitalize()}s\n\n{what} Written from `firmware/app/{file}`.\n\n" + table(
+        (word, "number", "what"), rows
+    )
+
+
+def in_words(text: str) -> str:
+    """A text of a row, flags such as HT_AT_WORK | HT_GATES_ON as words."""
+    flags = re.fullmatch(r"0|HT_\w+(?: \| HT_\w+)*", text)
+    names = [name.lower().replace("_", " ") for name in re.findall(r"HT_(\w+)", text)]
+    return ", ".join(names) if flags else text
 
 
 def defined(name: str, macro: str) -> dict[str, list[str]]:

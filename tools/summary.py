@@ -3,7 +3,8 @@
     python tools/summary.py FILE ...
 
 Each stage has a file (`--results`, tests/conftest.py), and one more, with the ending `.again`, if
-what had failed ran a second time. Ends with 1 if a test has failed or a stage has not ended.
+what had failed ran a second time. The slowest files are named. Ends with 1 if a test has failed or
+a stage has not ended.
 """
 
 from __future__ import annotations
@@ -15,12 +16,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+#: How many files are named as slow, and from which time on.
+SHOWN, SLOW_S = 20, 60.0
+
 
 def summary(files: Sequence[Path]) -> tuple[list[str], bool]:
     """The lines, and whether all is well."""
     passed_alone: list[str] = []
     failed: list[str] = []
     skipped: Counter[str] = Counter()
+    took_s: Counter[str] = Counter()
     passed = 0
     for file in files:
         found: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
@@ -34,7 +39,10 @@ def summary(files: Sequence[Path]) -> tuple[list[str], bool]:
         failed += sorted(first - second)
         passed += len(set(found.get("passed", [])) - first) + len(first & second)
         skipped.update(found.get("skipped", []))
+        took_s.update(found.get("took_s", {}))
     lines = [f"not run, {n}: {why.removeprefix('Skipped: ')}" for why, n in sorted(skipped.items())]
+    slow = [row for row in took_s.most_common(SHOWN) if row[1] >= SLOW_S]
+    lines += [f"slow, {seconds:.0f} s: {file}" for file, seconds in slow]
     lines += [f"passed only when it ran again, alone: {test}" for test in passed_alone]
     lines += [f"FAILED {test}" for test in failed]
     lines.append(f"tests: {passed} passed, {len(failed)} failed, {skipped.total()} skipped")

@@ -1,5 +1,5 @@
 /** @file ht_alignment.h
- *  How a drive gets to know the angle of a rotor with magnets, and checks it, before it makes torque.
+ *  The alignment of a rotor with magnets: the drive learns its angle, and checks it, before it makes torque.
  *
  *  "align": direct current pulls the d axis to 105 degrees, then to 15 degrees; to 90 and to 0 where the
  *  winding's sets are not 30 degrees apart. So a rotor that stood

@@ -24,7 +24,7 @@
 #include "ht_vdc.h"
 #include "port.h"
 
-/** What the interrupts derive from the parameters. It is prepared as a whole and taken over as a
+/** The values that the interrupts derive from the parameters. They are prepared as a whole and taken over as a
  *  whole, because interrupts may come at any time. What concerns the PWM or the scaling changes
  *  with the gates off only; that is in the drive itself. */
 typedef struct {

@@ -12,7 +12,7 @@ typedef struct {
     float rated_A;     /**< amplitude of the rated phase current */
     float trip_A;      /**< over-current trip of a phase */
     float limit_A;     /**< current at the torque limit and the flux reference, steady state */
-    float ripple_A_V;  /**< what a period adds to a phase's current, per volt of the dc link */
+    float ripple_A_V;  /**< step of a phase's current in a period, per volt of the dc link */
     float flux_band_A; /**< the flux comparator's half band as a current */
     float torque_band_Nm;
     float ls_H;        /**< stator inductance */

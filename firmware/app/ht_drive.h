@@ -39,7 +39,7 @@ typedef enum {
     HT_STATES
 } ht_state;
 
-/** What a state says about the drive: bits of its flags (ht_states.def). */
+/** The meaning of a state for the drive: bits of its flags (ht_states.def). */
 enum { HT_AT_WORK = 1, HT_GATES_ON = 2, HT_CONTROLS = 4, HT_ALL_FLAGS = 7 };
 
 /** Name of a state, "" if there is none. */
@@ -83,7 +83,7 @@ const ht_limit_info *ht_limit_describe(uint16_t row);
 typedef struct {
     uint32_t tick;   /**< fast interrupts since init; 0 = no fault yet */
     uint16_t state;  /**< ht_state at the time */
-    uint32_t faults; /**< what that interrupt found */
+    uint32_t faults; /**< those that this interrupt found */
     uint16_t warnings;
     ht_samples samples;
     ht_control_input in;

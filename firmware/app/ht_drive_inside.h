@@ -1,5 +1,5 @@
 /** @file ht_drive_inside.h
- *  What the files of the drive share (ht_drive*.c). Of other code only the service reads here: the
+ *  The common part of the drive's files (ht_drive*.c). Of other code only the service reads here: the
  *  configuration in force.
  */
 #ifndef HT_DRIVE_INSIDE_H

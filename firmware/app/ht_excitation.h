@@ -15,7 +15,7 @@
 #include "ht_params.h"
 #include "ht_pattern.h"
 
-/** What the wave does to the vector. */
+/** The effect of the wave on the vector. */
 typedef enum {
     HT_WAVE_SQUARE = 0,    /**< changes its sign; at 0 Hz it is constant */
     HT_WAVE_SQUARE_AB = 1, /**< changes the sign of alpha-beta; x-y stays */

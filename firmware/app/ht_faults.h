@@ -28,7 +28,7 @@ enum {
 #undef HT_WARNING
 };
 
-/** What of a word of faults has its place in the replies' head and the snapshot. */
+/** The part of a word of faults that is in the replies' head and the snapshot. */
 #define HT_LOW_FAULTS(bits) ((uint16_t)((bits) & 0xFFFFu))
 
 typedef struct {

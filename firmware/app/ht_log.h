@@ -1,5 +1,5 @@
 /** @file ht_log.h
- *  What the drive remembers over power cycles: a log of events (ht_events.def), and counters.
+ *  The drive's memory over power cycles: a log of events (ht_events.def), and counters.
  *  ht_log_ring.h says how they lie in the memory.
  *
  *  Words of an event, numbers of 32 bits with the low word first. A reply to LIST has them, too:
@@ -37,14 +37,14 @@
 #define HT_LOG_TRIPS 27u /**< faults whose trips are counted */
 #define HT_LOG_TOKENS 64u
 
-/** What happened. */
+/** An event. */
 enum {
 #define HT_EVENT(name, number, text, help) HT_EVENT_##name = (number),
 #include "ht_events.def"
 #undef HT_EVENT
 };
 
-/** What never goes down. */
+/** Counters that never go down. */
 typedef struct {
     uint32_t powered_s;
     uint32_t gates_s; /**< with the gates on */
@@ -95,7 +95,7 @@ void ht_log_turn(ht_drive_log *l, const ht_drive *d, bool alone);
 
 /** Is there a memory that works? */
 bool ht_log_keeps(const ht_drive_log *l);
-/** How many events there are. */
+/** The number of events. */
 uint16_t ht_log_events(const ht_drive_log *l);
 /** An event into `words`, HT_LOG_WORDS of them, of which HT_LOG_PAYLOAD count; row 0 is the latest. HT_ERROR_ID: there is
  *  none, or it cannot be read. HT_ERROR_STATE: it is in the memory, which is read with the gates off only. */

@@ -28,7 +28,7 @@
 #define HT_LOG_VALUE_FIRST 0xF0u
 #define HT_LOG_VALUES 2u
 
-/** What a turn has come to. */
+/** The result of a turn. */
 typedef enum {
     HT_LOG_NO_MEMORY = 0, /**< there is none, or it does not work */
     HT_LOG_BUSY = 1,      /**< more turns are needed */

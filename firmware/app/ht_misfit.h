@@ -17,7 +17,7 @@ typedef enum {
     HT_MISFITS
 } ht_misfit;
 
-/** What a misfit is about. `share` > 0: parameter `first` must be at most, or without `touch` below,
+/** The subject of a misfit. `share` > 0: parameter `first` must be at most, or without `touch` below,
  *  `share` times parameter `second`. `share` 0: a rule of its own about both. */
 typedef struct {
     uint16_t first;

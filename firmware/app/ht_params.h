@@ -45,7 +45,7 @@ uint16_t ht_param_count(void);
 /** Table entry, or NULL if there is no such id. */
 const ht_param_info *ht_param_describe(uint16_t id);
 void ht_params_default(ht_params *p);
-/** What the parameter values `v`, by id, say of the winding. */
+/** The winding in the parameter values `v`, by id. */
 ht_winding ht_winding_of(const float *v);
 
 /** True if `value` is finite, in range and, where the table says so, whole. */

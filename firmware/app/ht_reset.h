@@ -22,7 +22,7 @@ typedef struct {
 /** Table entry of a cause, or NULL if there is none. */
 const ht_reset_info *ht_reset_describe(uint16_t cause);
 
-/** What a board tells about its latest reset. */
+/** The latest reset of a board. */
 typedef struct {
     uint16_t cause;
     uint16_t

@@ -1,5 +1,5 @@
 /** @file ht_result.h
- *  What a command answers.
+ *  The answer to a command.
  */
 #ifndef HT_RESULT_H
 #define HT_RESULT_H

@@ -1,5 +1,5 @@
 /** @file ht_rotor_catch.h
- *  How a drive gets hold of a turning shaft with magnets, whose angle it believes to know.
+ *  A start that catches a turning shaft with magnets, whose angle the drive believes to know.
  *
  *  All legs are low for a few periods. The magnets' voltage then drives a current through the machine's
  *  inductance, and its direction tells the rotor's angle. If it is the one that the believed angle

@@ -1,5 +1,5 @@
 /** @file ht_contracts.h
- *  What the functions of the core promise of their results, as conditions. `make prove` shows each
+ *  The promises of the core's functions about their results, as conditions. `make prove` shows each
  *  of them for the function, and takes it for granted where it proves a caller apart from the
  *  function. No code of the drive reads this.
  */
@@ -24,15 +24,15 @@
 /** The limits that the laws give ht_xy_step: the deadbeat law's, and two of ht_tmvcl_pu. */
 #define HT_IS_XY_LIMIT(limit) \
     (((limit) == 0.1f) || ((limit) == 0.0326920705f) || ((limit) == 0.0893163975f))
-/** What the integrators of ht_xy_step keep. */
+/** The bounds of ht_xy_step's integrators. */
 #define HT_IS_XY_STATE(st, limit) \
     (HT_IS_XY_WITHIN((st).with, limit) && HT_IS_XY_WITHIN((st).against, limit))
-/** What ht_applied_finish and ht_modulator_step make, and ht_volt_seconds relies on. */
+/** The result of ht_applied_finish and ht_modulator_step, on which ht_volt_seconds relies. */
 #define HT_IS_PATTERN(a)                                                       \
     (HT_IS_WORD((a).before) && HT_IS_WORD((a).s[0]) && HT_IS_WORD((a).s[1])    \
      && HT_IS_WORD((a).s[2]) && HT_IS_WORD((a).later) && HT_IS_WORD((a).close) \
      && HT_IS_WORD((a).rising) && HT_IS_WORD((a).falling) && ((a).own <= 2u))
-/** What ht_control_check accepts. */
+/** The settings that ht_control_check accepts. */
 #define HT_IS_PERIOD(p)                                                            \
     (((p).counts >= 8u) && ((p).first < ((p).counts / 2u)) && ((p).shortest >= 1u) \
      && ((p).shortest <= (((p).counts - (p).first) / 2u)))

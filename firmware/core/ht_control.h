@@ -80,7 +80,7 @@ typedef struct {
     ht_six i_A;           /**< phase currents of the latest sample */
     ht_flow flow;         /**< where these flow */
     ht_estimate estimate; /**< at the latest sample */
-    ht_estimate decided;  /**< what the law saw (at the latest sample or one period later) */
+    ht_estimate decided;  /**< the law's input (at the latest sample or one period later) */
     ht_xy i_xy_A;         /**< of the latest sample */
     ht_xy psi_xy_Wb;      /**< x-y flux decided on: laws that need it only */
     ht_ab rotor_Wb;       /**< r decided on, with magnets */

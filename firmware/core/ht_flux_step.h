@@ -1,5 +1,5 @@
 /** @file ht_flux_step.h
- *  What the deadbeat laws share: the flux that a torque wants, and a step that is too long.
+ *  The common part of the deadbeat laws: the flux that a torque wants, and a step that is too long.
  */
 #ifndef HT_FLUX_STEP_H
 #define HT_FLUX_STEP_H
@@ -8,7 +8,7 @@
 #include "ht_turned.h"
 #include "ht_voltage_law.h"
 
-/** What torque gets at least, of the largest step, squared. */
+/** The least share of the largest step that torque gets, squared. */
 #define HT_TORQUE_SHARE2 0.25f
 
 /** The flux that has the torque asked for, next to the length asked for. */

@@ -1,5 +1,5 @@
 /** @file ht_law_setting.h
- *  What a law configures itself from.
+ *  The values from which a law configures itself.
  */
 #ifndef HT_LAW_SETTING_H
 #define HT_LAW_SETTING_H

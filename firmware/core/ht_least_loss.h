@@ -37,7 +37,7 @@ typedef struct {
     uint32_t waited;
 } ht_least_loss_state;
 
-/** What the loss depends on. */
+/** The variables of the loss. */
 typedef struct {
     float torque_ref_Nm;
     float torque_Nm;   /**< estimated, with its ripple; either has either sign */

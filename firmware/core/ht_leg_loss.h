@@ -48,7 +48,7 @@ typedef struct {
     uint16_t wait;      /**< periods for which a wrong sensor rules out a loss */
 } ht_leg_loss_config;
 
-/** What is gathered of a leg while the residual is large. */
+/** The evidence of a leg while the residual is large. */
 typedef struct {
     float upper_V; /**< how much speaks for a lost upper switch, 0 or more */
     float lower_V; /**< and for a lost lower one */
@@ -85,7 +85,7 @@ typedef struct {
         slow; /**< of the latest periods of slow interrupts in which nothing was suspected */
 } ht_leg_loss_state;
 
-/** What was found. */
+/** The finding. */
 typedef struct {
     uint16_t leg;
     bool lower; /**< the lower switch does not conduct, else the upper one */
@@ -99,7 +99,7 @@ void ht_leg_loss_reset(ht_leg_loss_state *st);
 
 /** One period. */
 typedef struct {
-    const ht_applied *applied; /**< what the legs were commanded */
+    const ht_applied *applied; /**< the legs' commands */
     const ht_toggles *toggles;
     const ht_six *begin_A; /**< phase currents at its begin */
     const ht_six *end_A;   /**< and at its end */

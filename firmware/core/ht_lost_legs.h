@@ -1,5 +1,5 @@
 /** @file ht_lost_legs.h
- *  What is different while legs are off and the drive goes on. Then every law commands a voltage.
+ *  Changes while legs are off and the drive goes on. Then every law commands a voltage.
  *
  *  Leg k lies at theta_k in alpha-beta and in a direction of its own in x-y, at 5 theta_k where the
  *  sets are 30 degrees apart. Let a and b be the unit vectors of these directions. No current flows in the leg: a.i_ab + b.i_xy = 0. The voltage of its terminal
@@ -43,7 +43,7 @@ typedef struct {
  *  The axes go to `lost`. 0 if no torque worth speaking of is left: other combinations. */
 uint16_t ht_lost_legs_of(ht_winding winding, uint16_t legs, ht_lost_legs *lost);
 
-/** What the sets' resistances differ by: that of set 2 is `set2_ohm` above the mean of both. After
+/** The difference of the sets' resistances: that of set 2 is `set2_ohm` above the mean of both. After
  *  ht_lost_legs_of, which assumes none. */
 void ht_lost_legs_differ(ht_lost_legs *lost, float set2_ohm);
 

@@ -46,7 +46,7 @@ typedef struct {
     bool opposite; /**< set 2's carrier runs opposite to set 1's */
 } ht_modulator_state;
 
-/** What the modulator works with besides its own configuration and state. */
+/** The modulator's input besides its own configuration and state. */
 typedef struct {
     const ht_dead_time *dead;
     const ht_six *i_A;       /**< latest currents: they tell what the dead time will take */
@@ -54,7 +54,7 @@ typedef struct {
     uint16_t before;         /**< state word at the end of the period before */
 } ht_modulator_input;
 
-/** What keeps both sets alike in a winding whose sets are 0 or 60 degrees apart: set 2's carrier never
+/** The rules that keep both sets alike in a winding whose sets are 0 or 60 degrees apart: set 2's carrier never
  *  or always turned, and the same clamped leg. 30 degrees: as configured before. */
 void ht_modulator_wind(ht_modulator_config *cfg, ht_winding winding);
 

@@ -44,7 +44,7 @@ typedef struct {
     float rotor_drive;  /**< Ts R_r L_m / L_r */
     float lm_over_lr;
     float omega_gain;        /**< Ts-normalised low-pass gain of omega_sync, 0..1 */
-    ht_winding winding;      /**< what set 2 lies ahead of set 1 by */
+    ht_winding winding;      /**< angle of set 2 ahead of set 1 */
     bool magnets;            /**< the rotor has permanent magnets; sigma_ls_H is then L_q */
     ht_magnet_config magnet; /**< used with magnets only */
 } ht_observer_config;

@@ -30,7 +30,7 @@ typedef struct {
     float t[HT_LEGS]; /**< instant of the leg's toggle, per unit of the period; 1: none */
 } ht_toggles;
 
-/** What the legs are commanded to do over one sampling period. */
+/** The legs' commands over one sampling period. */
 typedef struct {
     uint16_t before; /**< state word before the first edge */
     uint16_t s[3];   /**< state words from t[0], t[1], t[2] on */
@@ -61,7 +61,7 @@ typedef struct {
     float shift[HT_LEGS]; /**< remaining delay, per unit of the period */
 } ht_carry;
 
-/** How the inverter's edges deviate from the commanded ones. */
+/** The deviations of the inverter's edges from the commanded ones. */
 typedef struct {
     float dead_pu;  /**< dead time in per unit of the period, 0..0.5 */
     float i_zero_A; /**< below this current an edge is shifted in part, > 0 */

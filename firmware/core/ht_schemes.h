@@ -27,7 +27,7 @@ typedef enum {
     HT_LAWS
 } ht_law;
 
-/** How the active vectors of a period are made. */
+/** The ways to make the active vectors of a period. */
 typedef enum {
     HT_VECTORS_SINGLE = 0,     /**< one vector of the group */
     HT_VECTORS_PAIR = 1,       /**< one of the group or medium-large, whichever lowers psi_xy */

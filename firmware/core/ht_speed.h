@@ -32,7 +32,7 @@ typedef struct {
     float rs_ohm;
 } ht_flux_config;
 
-/** What limits the flux. */
+/** The limits of the flux. */
 typedef struct {
     float flux_Wb;          /**< wanted below base speed */
     float vdc_V;            /**< measured */

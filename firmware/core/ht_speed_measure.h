@@ -25,7 +25,7 @@
  *  distances within the cycle cancel. */
 enum { HT_CAPTURE_COUNTS = 4 };
 
-/** What the capture unit shows. Flags: what happened since it was read last. */
+/** The capture unit's values. Flags: events since it was read last. */
 typedef struct {
     uint16_t period_ticks; /**< between the last two unit events, capture clock */
     uint16_t age_ticks;    /**< since the last unit event, capture clock */

@@ -18,7 +18,7 @@
 
 #define HT_LEGS 6
 
-/** Where a function is compiled: one that seldom runs, small and not into its caller; not into its caller;
+/** The place of a function's code: one that seldom runs, small and not into its caller; not into its caller;
  *  into each of its callers; with copies of all that it calls. HT_SMALL: an image whose size counts and
  *  whose time does not has one of each. */
 #if defined(__GNUC__) && !defined(HT_SMALL)
@@ -63,7 +63,7 @@ typedef struct {
     float p[HT_LEGS];
 } ht_six;
 
-/** What set 2 lies ahead of set 1 by: values of the parameter `displacement_deg`. */
+/** The angle of set 2 ahead of set 1: values of the parameter `displacement_deg`. */
 typedef enum { HT_WINDING_30 = 0, HT_WINDING_0 = 1, HT_WINDING_60 = 2 } ht_winding;
 
 #define HT_WINDINGS 3u

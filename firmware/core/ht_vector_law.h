@@ -1,19 +1,19 @@
 /** @file ht_vector_law.h
- *  What every law gets that decides on switching vectors (HT_VECTOR_LAW in ht_laws.def).
+ *  The input of every law that decides on switching vectors (HT_VECTOR_LAW in ht_laws.def).
  */
 #ifndef HT_VECTOR_LAW_H
 #define HT_VECTOR_LAW_H
 
 #include "ht_observer.h"
 
-/** What the law decides on. */
+/** The values on which the law decides. */
 typedef struct {
     const ht_estimate *decided; /**< flux and torque when the pattern takes effect */
     const ht_xy *psi_xy_Wb;     /**< x-y flux then; used if ht_<law>_law_needs_xy */
     ht_xy i_xy_A;               /**< x-y currents of the latest sample */
     float torque_ref_Nm;
     float flux_ref_Wb;
-    const ht_xy *emf_pu; /**< what the machine induces in x-y then, units of Vdc; NULL: nothing */
+    const ht_xy *emf_pu; /**< the machine's induced x-y voltage then, units of Vdc; NULL: none */
     unsigned sector;     /**< of the flux decided on, 0..11 */
     uint16_t before;     /**< state word at the end of the running pattern */
     bool only_v0;        /**< zero vectors: V0 only, else the one with the fewest transitions */

@@ -1,5 +1,5 @@
 /** @file ht_voltage_law.h
- *  What the laws share that command a voltage (HT_VOLTAGE_LAW in ht_laws.def).
+ *  The common part of the laws that command a voltage (HT_VOLTAGE_LAW in ht_laws.def).
  *
  *  Such a law sees the machine one period ahead, at the end of the period whose pattern is committed.
  *  So it needs shadow load and prediction, and a machine that is sampled fast enough for them. The

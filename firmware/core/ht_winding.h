@@ -1,5 +1,5 @@
 /** @file ht_winding.h
- *  What the tables mean for a winding. One whose sets are 30 degrees apart takes them as they are.
+ *  The meaning of the tables for a winding. One whose sets are 30 degrees apart takes them as they are.
  */
 #ifndef HT_WINDING_H
 #define HT_WINDING_H

@@ -44,7 +44,7 @@ typedef enum {
     HT_BURST_TOO_LARGE = 7  /**< more samples than the memory holds */
 } ht_burst_answer;
 
-/** What is to be captured. */
+/** The settings of a capture. */
 typedef struct {
     uint16_t n;         /**< channels, 1 .. HT_BURST_CHANNELS */
     uint16_t trigger;   /**< HT_TRIGGER_... */

@@ -12,7 +12,7 @@
 #define HT_STREAM_CHANNELS 32u
 #define HT_STREAM_RING 1024u /* values; a power of two */
 
-/** Where samples come from: channel `id` of `object`, now. */
+/** The source of samples: channel `id` of `object`, now. */
 typedef struct {
     float (*read)(const void *object, uint16_t id);
     const void *object;

@@ -30,7 +30,7 @@ enum {
     HT_PIL_REFUSED = 16 /**< unknown request, wrong length, no INIT so far, reply too long */
 };
 
-/** What an image has besides the drive. Functions may be NULL. */
+/** The parts of an image besides the drive. Functions may be NULL. */
 typedef struct {
     void (*begin)(void *at, ht_drive *drive); /**< INIT has made a new drive */
     void (*fast)(void *at);                   /**< replaces `ht_drive_fast_isr`, which it calls */
@@ -55,7 +55,7 @@ void ht_pil_answer(ht_pil *p, const uint16_t *octets, uint16_t n, ht_packet *rep
 /** The reply to a damaged frame. */
 void ht_pil_complain(ht_packet *reply);
 
-/** What both ends have to agree on: the answer to HELLO. */
+/** The agreement of both ends: the answer to HELLO. */
 typedef struct {
     uint16_t version;   /**< HT_PIL_VERSION */
     uint16_t params;    /**< number of parameters */

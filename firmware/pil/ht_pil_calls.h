@@ -52,7 +52,7 @@ typedef struct {
 void ht_pil_hardware_add(ht_packet *p, const ht_pil_hardware *hardware);
 void ht_pil_hardware_take(ht_reader *r, ht_pil_hardware *hardware);
 
-/** What the target's port answers the drive. It comes with every request that a drive
+/** The answers of the target's port to the drive. They come with every request that a drive
  *  carries out. */
 typedef struct {
     ht_samples samples;

@@ -97,7 +97,7 @@ uint16_t ht_port_read_slow(ht_port *port, uint16_t channel, uint16_t next);
 /** Clock of the capture timer, Hz: the unit of both times in `ht_capture`. */
 float ht_port_capture_clock_Hz(const ht_port *port);
 
-/** What the capture unit holds now, and what happened to it since the last call. */
+/** The capture unit's present values, and its events since the last call. */
 void ht_port_read_capture(ht_port *port, ht_capture *capture);
 
 /** Hand one period's pattern to the PWM. Harmless while the gates are off. */

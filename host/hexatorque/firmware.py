@@ -95,7 +95,7 @@ EVENTS = _events()
 
 
 def reset_cause(number: int) -> str:
-    """What has reset a board; the number if that is unknown."""
+    """The cause of a board's reset; the number if that is unknown."""
     row = lib.ht_reset_describe(number)
     return str(number) if row == ffi.NULL else _text(row.name)
 

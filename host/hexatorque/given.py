@@ -73,6 +73,16 @@ def pairs(values: object) -> dict[Any, Any]:
     return dict(values)
 
 
+def several(values: Any, name: str) -> list[Any]:
+    """A list, or a value that stands for a list of one. InputError for anything else."""
+    if isinstance(values, (str, int)):
+        return [values]
+    try:
+        return [plain(value) for value in values]
+    except TypeError:
+        raise InputError(f"{name} = {values!r}: a list is needed") from None
+
+
 def listed(text: str) -> list[str]:
     """The parts of a list: between semicolons, or else blanks, or else commas. Brackets around the
     list are left out. With semicolons and blanks a comma is a decimal comma."""
@@ -85,7 +95,7 @@ def listed(text: str) -> list[str]:
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
-    """For the end of a line about an unknown word: the one that was meant, or all there are."""
+    """The end of a line about an unknown word: the one that was meant, or all there are."""
     known = list(known)
     by_small = {name.lower(): name for name in reversed(known)}
     small = word.lower()
@@ -95,7 +105,7 @@ def suggest(word: str, known: Iterable[str]) -> str:
 
 
 def other_file(path: Path) -> str:
-    """For the end of a line about a file that is not there: the one beside it that was meant. The
+    """The end of a line about a file that is not there: the one beside it that was meant. The
     suffix, which they have in common, makes no name like another one."""
     try:
         stems = [other.stem for other in path.parent.iterdir() if other.suffix == path.suffix]

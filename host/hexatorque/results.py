@@ -1,4 +1,4 @@
-"""What the firmware says to a command: its table of results (firmware/app/ht_results.def)."""
+"""The firmware's answers to a command: its table of results (firmware/app/ht_results.def)."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ def waiting(seconds: int) -> str:
 
 
 def text_of(number: int, state: str) -> str:
-    """What a result means to a drive in this state. A later firmware may know more of them."""
+    """The meaning of a result in this state of the drive. A later firmware may know more of
+    them."""
     row = RESULTS.get(number)
     return row.text.format(state=state) if row else f"status {number}"

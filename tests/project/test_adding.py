@@ -40,8 +40,11 @@ build_s = 0.05
 """
 #: A row for the end of a table of firmware/app, which is all that a new one takes.
 ROWS = {
+    "ht_faults.def": 'HT_FAULT(DOOR, 0x20000u, "door open", "of the cabinet")',
+    "ht_limits.def": 'HT_LIMIT(FAN, 0x0800, "fan off", "of the cabinet")',
+    "ht_events.def": 'HT_EVENT(DOOR, 5, "door closed", "of the cabinet")',
     "ht_states.def": 'HT_STATE(HOLD, 6, "hold", HT_AT_WORK | HT_GATES_ON)',
-    "ht_warnings.def": 'HT_WARNING(DOOR, 0x0800, "door open", "of the cabinet")',
+    "ht_warnings.def": 'HT_WARNING(DOOR, 0x0800, "door ajar", "of the cabinet")',
     "ht_results.def": 'HT_RESULT(DOOR, 12, 1, "the door is open in state {state}")',
     "ht_misfits.def": "HT_ORDER(FLUX_BAND, flux_band_Wb, 0.5f, flux_ref_Wb, 1)",
     "ht_sets.def": 'HT_SET(FACTORY, 4, "of the factory")',
@@ -67,13 +70,17 @@ def code(name: str) -> list[str]:
     return [file for file in touched(name) if not file.endswith(NO_CODE)]
 
 
-def run(tree: Path, *command: str | Path) -> subprocess.CompletedProcess:
-    """Run a step in the copy, where Python finds the copy's package."""
-    environment = {
+def environment(tree: Path) -> dict[str, str]:
+    """Python finds the copy's package."""
+    return {
         **os.environ, "PYTHONPATH": str(tree / "host"), "NUMBA_DISABLE_JIT": "1",
         "COLUMNS": "200",
     }  # fmt: skip
-    done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True)
+
+
+def run(tree: Path, *command: str | Path) -> subprocess.CompletedProcess:
+    """Run a step in the copy."""
+    done = subprocess.run(command, cwd=tree, env=environment(tree), capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     return done
 
@@ -93,7 +100,9 @@ def tree(tmp_path_factory):
         run(folder, GIT, "apply", patch(name))
     for table, row in ROWS.items():
         path = folder / "firmware" / "app" / table
-        path.write_text(f"{path.read_text()}{row}\n")
+        text, end = path.read_text(), "#endif\n"  # the last faults are no enumerators
+        text = f"{text.removesuffix(end)}{row}\n{end if text.endswith(end) else ''}"
+        path.write_text(text)
     return folder
 
 
@@ -202,12 +211,13 @@ def test_machine_model(found):
 
 
 def test_a_row_of_a_table_is_all(built, found):
-    """Python, the board's dictionary, from which the page learns the states, and the site's pages
-    know a state, a warning, a result, a misfit and a parameter set."""
+    """Python, the command line, the board's dictionary, from which the page learns states and
+    faults, and the site's pages know the new row of each table."""
     rows = found["rows"]
     assert rows["state"] == {"name": "hold", "at_work": True, "gates_on": True, "controls": False}
-    assert rows["listed"] == "hold"
-    assert rows["warnings"] == ["door open"]
+    assert rows["listed"] == {"STATE": "hold", "FAULT": "door open"}
+    assert rows["faults"] == ["over-current", "door open"] and rows["limits"] == ["fan off"]
+    assert rows["event"] == "door closed" and rows["warnings"] == ["door ajar"]
     assert rows["refused"] == ["start: the door is open in state hold", True]
     assert rows["set"] == "of the factory"
     reason = "flux_band_Wb = 0.5 Wb: allowed is up to 0.5 flux_ref_Wb = 0.3 Wb"
@@ -215,7 +225,14 @@ def test_a_row_of_a_table_is_all(built, found):
     assert rows["set-up"].startswith("controller.flux_band_Wb = 0.5 Wb: allowed is up to 0.5 flux")
     page = run(built, sys.executable, "-c", "import sys; sys.path.insert(0, 'tools');"
                "import site_hook; print(site_hook.channels_page())").stdout  # fmt: skip
-    assert "door open" in page and "of the cabinet" in page
+    for name in ("door open", "fan off", "door closed", "hold", "door ajar"):
+        assert re.search(rf"^\|? *{name} *\|", page, re.M), name
+    wrong = built / "wrong.toml"
+    wrong.write_text('setup = "paper-b"\n[controller]\nflux_band_Wb = 0.5\n')
+    command = ("-m", "hexatorque", "check", wrong)
+    done = subprocess.run([sys.executable, *command], cwd=built, env=environment(built),
+                          capture_output=True, text=True)  # fmt: skip
+    assert done.returncode == 2 and rows["set-up"] in done.stderr
 
 
 def test_study(built, tmp_path):

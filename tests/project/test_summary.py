@@ -68,3 +68,11 @@ def test_a_stage_that_did_not_end_has_failed(tmp_path, text):
     lines, well = summary([run(tmp_path, text)])
     assert not well and "FAILED stage waits: it did not come to its end" in "\n".join(lines)
     assert lines[-1].endswith(" failed, 0 skipped") and " 0 failed" not in lines[-1]
+
+
+def test_slow_files_are_named(tmp_path):
+    file = run(tmp_path, "import time\ndef test_it(): time.sleep(0.2)")
+    found = json.loads(file.read_text())
+    assert 0.2 <= found["took_s"]["test_it.py"] < 60
+    file.write_text(json.dumps(found | {"took_s": {"a.py": 59.0, "b.py": 61.4, "c.py": 300.0}}))
+    assert summary([file])[0][:2] == ["slow, 300 s: c.py", "slow, 61 s: b.py"]

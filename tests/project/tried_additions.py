@@ -108,9 +108,12 @@ def rows() -> dict:
     refused = client.refused(reply, "start")
     packet, port = ffi.new("ht_packet *"), ffi.new("ht_port *")
     lib.ht_port_bind(port, ffi.NULL, firmware.board_of("f28377s"))
-    lib.ht_packet_begin(packet)
-    assert lib.ht_dictionary_add(packet, port, wire.Kind.STATE, len(firmware.STATES) - 1)
-    listed = bytes(packet.octet[0 : packet.n])
+    listed = {}
+    for kind, row in ((wire.Kind.STATE, firmware.STATES), (wire.Kind.FAULT, firmware.FAULTS)):
+        lib.ht_packet_begin(packet)
+        assert lib.ht_dictionary_add(packet, port, kind, len(row) - 1)
+        told = wire.parse_row(bytes(packet.octet[0 : packet.n]), kind, len(row) - 1)
+        listed[kind.name] = told.name
     said = []
     for act in (
         lambda: firmware.Controller("f28377s", {"flux_band_Wb": 0.5}),
@@ -122,7 +125,10 @@ def rows() -> dict:
             said.append(str(error))
     return {
         "state": firmware.STATE_TABLE[-1]._asdict(),
-        "listed": wire.parse_row(listed, wire.Kind.STATE, len(firmware.STATES) - 1).name,
+        "listed": listed,
+        "faults": firmware.causes(0x20001),
+        "limits": firmware.limits(0x0800),
+        "event": firmware.EVENTS[5],
         "warnings": firmware.warnings(0x0800),
         "refused": [str(refused), refused.mistake],
         "set": firmware.PARAMETER_SETS[-1],

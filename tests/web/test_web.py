@@ -35,22 +35,28 @@ CASES = {
     "db-dtfc": ("symmetrical", "db-dtfc", ""),
     "open": ("symmetrical", "db-dtfc", "u1"),
 }
+#: A machine of another kind, which needs sines at each step, on a page of its own.
+OF_ANOTHER_KIND = ("magnet-interior", "db-dtfc", "")
 DURATION_S = 2.0
+
+
+def page_with(setups, tmp_path_factory):
+    for name in web.NEEDED:
+        pytest.importorskip(name, reason="pip install 'hexatorque[docs]'")
+    folder = tmp_path_factory.mktemp("web")
+    web.build(folder, setups)
+    return folder
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """The folder with the page."""
-    for name in web.NEEDED:
-        pytest.importorskip(name, reason="pip install 'hexatorque[docs]'")
-    folder = tmp_path_factory.mktemp("web")
-    web.build(folder, web.SETUPS)
-    return folder
+    return page_with(web.SETUPS, tmp_path_factory)
 
 
-def course_of(name, f_isr_Hz):
+def course_of(case, f_isr_Hz):
     """What happens when, in periods: start, speed, load, an open phase, stop."""
-    _, scheme, phase = CASES[name]
+    _, scheme, phase = case
     at = [round(t * f_isr_Hz) for t in (0.5, 0.7, 1.0, 1.6)]
     return [
         [0, "write", {"scheme": scheme}],
@@ -62,12 +68,12 @@ def course_of(name, f_isr_Hz):
     ]
 
 
-def native(name):
+def native(case):
     """The same course in the simulation: channels, (periods, channels), and what the page gets."""
-    setup, _, _ = CASES[name]
+    setup, _, _ = case
     sim = SimulatedDrive(load(setup), samples_per_period=1)
     f_isr_Hz = 1 / sim.period_s
-    course = course_of(name, f_isr_Hz)
+    course = course_of(case, f_isr_Hz)
     periods = round(DURATION_S * f_isr_Hz)
     acts = {
         "write": lambda values: sim.set_many(values),
@@ -117,8 +123,7 @@ for (const line of fs.readFileSync(given, "utf8").split("\\n").filter(Boolean)) 
 """
 
 
-@pytest.fixture
-def in_node(built, tmp_path):
+def asker(folder, tmp_path):
     """Ask a board of its own in node; each request is [path, body]. Returns the answers."""
     for path in (ROOT / "web").glob("*.js"):
         shutil.copy(path, tmp_path)
@@ -129,7 +134,7 @@ def in_node(built, tmp_path):
         given = tmp_path / "requests"
         given.write_text("".join(json.dumps(one) + "\n" for one in requests))
         done = subprocess.run(
-            [NODE, tmp_path / "ask.js", built, given], capture_output=True, text=True
+            [NODE, tmp_path / "ask.js", folder, given], capture_output=True, text=True
         )
         assert done.returncode == 0, done.stderr
         return [json.loads(line) for line in done.stdout.splitlines()]
@@ -137,10 +142,23 @@ def in_node(built, tmp_path):
     return ask
 
 
+@pytest.fixture
+def in_node(built, tmp_path):
+    return asker(built, tmp_path)
+
+
+@needs_node
+def test_bits_of_a_machine_of_another_kind(tmp_path_factory, tmp_path):
+    channels, given = native(OF_ANOTHER_KIND)
+    own = page_with((OF_ANOTHER_KIND[0],), tmp_path_factory)
+    (answer,) = asker(own, tmp_path)(["/course", given])
+    same_bits(answer["answer"], channels)
+
+
 @needs_node
 @pytest.mark.parametrize("name", CASES)
 def test_bits_in_node(name, in_node):
-    channels, given = native(name)
+    channels, given = native(CASES[name])
     ((answer),) = in_node(["/course", given])
     same_bits(answer["answer"], channels)
     print(f"{name}: {answer['answer']['time_s'] / answer['answer']['took_s']:.0f} x real time")
@@ -167,7 +185,7 @@ def page(browser, built):
 @needs_chromium
 @pytest.mark.parametrize("name", CASES)
 def test_bits_in_chromium(name, page):
-    channels, given = native(name)
+    channels, given = native(CASES[name])
     answer = page.js(f"hexatorque.ask('/course', {json.dumps(given)})")
     same_bits(answer, channels)
 

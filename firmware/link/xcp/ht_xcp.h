@@ -37,7 +37,7 @@ enum { HT_XCP_WORKING = 0, HT_XCP_KEPT = 1, HT_XCP_PAGES = 2 };
 /** Octets that pass at once. */
 #define HT_XCP_FIFO 16u
 
-/** What a line is. */
+/** The kinds of a line. */
 enum {
     HT_XCP_NET = 0,   /**< its own, by TCP or UDP: nothing is damaged, so there is no sum */
     HT_XCP_SERIAL = 1 /**< serial, shared with the link: with a sum */

@@ -15,7 +15,7 @@ bool ht_xcp_execute(ht_xcp *x, const uint16_t *in, uint16_t n);
 /** True if the master is the link's host, or has become it now. */
 bool ht_xcp_owns(ht_xcp *x);
 
-/** Of a value's number: it is that of a parameter, not of a channel. */
+/** Bit of a value's number that says: a parameter, not a channel. */
 #define HT_XCP_PARAMETER 0x4000u
 
 /** Number of the value that has the octet at `address`, HT_XCP_NOTHING if there is none. */

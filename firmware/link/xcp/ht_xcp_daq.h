@@ -18,7 +18,7 @@
 /** Events: the fast interrupt, and the first fast one after a slow interrupt. */
 enum { HT_XCP_EVENT_FAST = 0, HT_XCP_EVENT_SLOW = 1, HT_XCP_EVENTS = 2 };
 
-/** What has been allocated last: the order is lists, their packets, these packets' values. */
+/** The latest allocation: the order is lists, their packets, these packets' values. */
 enum { HT_XCP_NO_LISTS = 0, HT_XCP_HAS_LISTS = 1, HT_XCP_HAS_ODTS = 2, HT_XCP_HAS_ENTRIES = 3 };
 
 /** No value yet: an entry that was not written. */

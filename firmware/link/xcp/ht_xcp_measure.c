@@ -88,7 +88,7 @@ uint16_t ht_xcp_set_daq_ptr(ht_xcp *x, const uint16_t *in)
     return HT_XCP_OK;
 }
 
-/* Where the pointer points; it goes on to the next entry. */
+/* The entry at the pointer; it goes on to the next entry. */
 static uint16_t advance(ht_xcp *x)
 {
     uint16_t place = ht_xcp_daq_place(&x->daq, x->pointer_list, x->pointer_odt, x->pointer_entry);

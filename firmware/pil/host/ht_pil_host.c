@@ -238,7 +238,7 @@ static void look(ht_link *l, ht_pil_inputs *in)
     l->registers.accesses = accesses;
 }
 
-/* What the hardware did: the end of a request. */
+/* The hardware's actions: the end of a request. */
 static void add_hardware(ht_link *l)
 {
     if (l->calls != 0u) {

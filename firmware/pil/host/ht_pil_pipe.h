@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* What a transfer returns instead of a number of bytes. */
+/* The results of a transfer that are no number of bytes. */
 #define HT_PIPE_LATER (-1) /* nothing now: wait */
 #define HT_PIPE_CLOSED (-2)
 

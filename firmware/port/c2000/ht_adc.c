@@ -109,7 +109,7 @@ static void trim_f28377s(ht_port *port, uint32_t adc)
     if (offset != 0u) {
         HT_WR16(port->io, adc + ADCOFFTRIM, offset);
     }
-    /* What the linearity trim holds for 16 bits only. */
+    /* The linearity trim for 16 bits only. */
     ht_change32(port->io, adc + ADCINLTRIM1, LOW_HALF, 0u);
     ht_change32(port->io, adc + ADCINLTRIM2, LOW_HALF, 0u);
     ht_change32(port->io, adc + ADCINLTRIM4, LOW_HALF, 0u);

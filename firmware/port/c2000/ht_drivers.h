@@ -19,7 +19,7 @@
 
 /* ht_watchdog.c. Both halves are needed to keep it from resetting the device. */
 
-/** What has reset the chip (ht_reset.h), from flags that are cleared then. A watchdog's flag counts
+/** The cause of the chip's reset (ht_reset.h), from flags that are cleared then. A watchdog's flag counts
  *  before the pin's, because a watchdog's reset pulls the pin, and before power-on's, because power-on
  *  clears all others: what is there beside it came later. */
 uint16_t ht_watchdog_cause(ht_port *port);

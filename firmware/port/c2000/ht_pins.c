@@ -22,7 +22,7 @@
 #define QUALPRD 0x000000FFu
 #define ALL_OUTPUTS 0xFFFFu
 
-/* Of the port that a pin belongs to, and of the half with its two-bit fields. */
+/* The registers of the port that a pin belongs to, and of the half with its two-bit fields. */
 static uint32_t first_register(const ht_port *port, const ht_pin *pin)
 {
     return port->map->gpio + ((uint32_t)(pin->gpio / 32u) * port->map->gpio_stride);

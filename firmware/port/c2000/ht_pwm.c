@@ -48,7 +48,7 @@
 #define ETSEL_SOCA_CTR0 0x0900u
 #define ETPS_SOCA_EVERY 0x0100u
 
-/* What a trip does to the outputs of a leg: both switches off, or in the short circuit the lower one on.
+/* The effect of a trip on the outputs of a leg: both switches off, or in the short circuit the lower one on.
  * The pulse of the dead-man timer and the comparators' trip act on outputs as well; TZA and TZB, which
  * the latch applies, count before them. */
 static uint16_t trip_action(const ht_port *port, bool shorted)

@@ -8,7 +8,7 @@
 #include "ht_texts.h"
 #include "ht_virtual_period.h"
 
-/* What `hexatorque fmu` has written: token, board, voltage of the dc link. */
+/* The settings that `hexatorque fmu` has written: token, board, voltage of the dc link. */
 #ifdef HT_FMU_MADE
 #include HT_FMU_MADE
 #else

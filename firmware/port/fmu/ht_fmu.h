@@ -25,7 +25,7 @@
 #define HT_FMU_THIS HT_FMU_CONTROLLER
 #endif
 
-/** How a call ends. The numbers are those of both versions of FMI. */
+/** The result of a call. The numbers are those of both versions of FMI. */
 typedef enum {
     HT_FMU_OK = 0,
     HT_FMU_WARNING = 1,

@@ -42,7 +42,7 @@ static struct plant plant_of(ht_fmu_plant *p)
     return made;
 }
 
-/* What the outputs are. */
+/* The outputs. */
 static void look(ht_fmu_plant *p)
 {
     int failed = 0;

@@ -16,7 +16,7 @@
 
 #include "ht_drive.h"
 
-/** What a law sees. Where nothing else is said, a quantity is that of the instant at which the
+/** The input of a law. Where nothing else is said, a quantity is that of the instant at which the
  *  pattern begins, one period after the sample: predicted. */
 typedef struct {
     ht_ab i_A;      /**< stator current */
@@ -47,7 +47,7 @@ typedef struct {
     uint32_t period; /**< number of the call, from 0 at each start */
 } ht_host_law_seen;
 
-/** What a law returns. */
+/** The result of a law. */
 typedef enum {
     HT_RETURNS_DUTIES = 0, /**< six duty ratios, 0..1: each leg toggles once, every second period
                             *   rises, every other one falls; the dead time is compensated */

@@ -16,7 +16,7 @@
 #define TZ_OST 0x0004u
 #define TZ_INT 0x0001u
 
-/* Where the words above 0x8000 are kept. */
+/* The store of the words above 0x8000. */
 typedef struct {
     uint32_t base;
     uint32_t words;

@@ -135,7 +135,7 @@ typedef struct ht_regfile {
     uint16_t sci_in_count;
     uint16_t sci_out[HT_REGFILE_FIFO];
     uint16_t sci_out_count;
-    /* What the background loop of an image does with its time */
+    /* The background loop's use of time */
     void (*idle)(struct ht_regfile *rf);
     void *user;
 } ht_regfile;
@@ -163,7 +163,7 @@ void ht_regfile_ier(ht_regfile *rf, uint16_t mask);
 void ht_regfile_ifr_clear(ht_regfile *rf);
 void ht_regfile_idle(ht_regfile *rf);
 
-/* What the hardware does */
+/* The hardware's side */
 
 /** Time passes. */
 void ht_regfile_wait(ht_regfile *rf, uint16_t us);
@@ -202,7 +202,7 @@ uint32_t ht_regfile_address(const ht_regfile *rf, uint16_t n);
 uint32_t ht_regfile_value(ht_regfile *rf, uint16_t n);
 /** Name of the register at an address, "EPWM1.TBCTL", or "". */
 void ht_regfile_name(const ht_regfile *rf, uint32_t addr, char name[HT_REGFILE_LINE]);
-/** What a kind of violation is called. */
+/** The name of a kind of violation. */
 const char *ht_regfile_kind(uint16_t kind);
 
 #endif

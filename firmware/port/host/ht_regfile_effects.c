@@ -52,7 +52,7 @@ static float system_Hz(ht_regfile *rf)
     return (n == 0u) ? clock : (clock / (2.0f * (float)n));
 }
 
-/* What counts CPU timer 1 (index 0) or 2. */
+/* The clock of CPU timer 1 (index 0) or 2. */
 static float counted_Hz(ht_regfile *rf, uint16_t index)
 {
     uint32_t source = ((index == 1u) && (rf->chip->internal_oscillators != 0u))

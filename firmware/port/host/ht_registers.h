@@ -7,7 +7,7 @@
 
 #include <stdint.h>
 
-/** What a write does. From HT_FX_... on: stored like a plain one, with an effect
+/** The effect of a write. From HT_FX_... on: stored like a plain one, with an effect
  *  (ht_regfile_effects.c). */
 typedef enum {
     HT_PLAIN = 0,
@@ -126,7 +126,7 @@ typedef struct {
     uint32_t offset_trim;       /**< ... and the offset that fits */
 } ht_chip;
 
-/** Of the families of chips (ht_chips.def). */
+/** The maps of the families of chips (ht_chips.def). */
 extern const ht_chip ht_chip_f28335;
 extern const ht_chip ht_chip_f28377s;
 

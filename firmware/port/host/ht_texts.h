@@ -48,7 +48,7 @@ uint16_t ht_result_count(void);
 /** Table entry, or NULL if there is no such row. A row is not its number. */
 const ht_result_info *ht_result_describe(uint16_t row);
 
-/** What a misfit demands (ht_misfits.def): the text of a rule, "" for an order or an unknown one. */
+/** The demand behind a misfit (ht_misfits.def): the text of a rule, "" for an order or an unknown one. */
 const char *ht_misfit_demand(uint16_t misfit);
 
 /** Number of parameter sets, and the text of one (ht_sets.def); NULL for an unknown one. */

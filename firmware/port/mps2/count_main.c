@@ -77,7 +77,7 @@ static volatile uint16_t *word(uint32_t addr)
     return (volatile uint16_t *)HT_REGISTERS_AT + addr;
 }
 
-/* What the hardware makes of the driver's writes. */
+/* The hardware's reaction to the driver's writes. */
 static void settle(void)
 {
     const ht_c2000_map *m = port.map;

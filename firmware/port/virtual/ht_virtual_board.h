@@ -28,7 +28,7 @@ enum {
 
 #define HT_VIRTUAL_NET_OCTETS_PER_S 1250000u /**< of the second line, each way: 10 Mbit/s */
 
-/** What passes between a line and its other end. Counts are of octets, modulo 2^32. */
+/** The traffic between a line and its other end. Counts are of octets, modulo 2^32. */
 typedef struct {
     uint32_t in_head;
     uint32_t in_tail;

@@ -114,7 +114,7 @@ def metrics(
 
     True values ("plant.") are used if the recording has them, else the controller's. f_sw_Hz is the
     mean switching frequency of a leg, transitions / (12 T); without the argument it is taken from
-    rec.meta["f_sw_Hz"]. Raises ValueError if the recording is shorter than two cycles of the
+    rec.meta["f_sw_Hz"]. InputError if the recording is shorter than two cycles of the
     fundamental.
 
     speed_rpm, torque_Nm, flux_Wb (|psi_s|): means; torque_error_Nm, torque_error_pct: of the mean

@@ -150,7 +150,7 @@ def values(rec: Recording, name: str) -> np.ndarray | None:
 
 
 def reference(rec: Recording, name: str) -> np.ndarray | None:
-    """What the channel should be at each sample; None where that is not known."""
+    """The values that the channel should have; None if they are not known."""
     plain = name.rpartition(".")[2]
     if plain in REFERENCES:
         return values(rec, REFERENCES[plain])

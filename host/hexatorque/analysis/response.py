@@ -23,7 +23,7 @@ def step_response(
     time_s: np.ndarray, signal: np.ndarray, step_s: float, target: float, band: float
 ) -> Response:
     """The response to a step at `step_s` towards `target`. It has settled within +-band. Filter a
-    signal with ripple first (`moving_mean`). ValueError if the recording ends before the step."""
+    signal with ripple first (`moving_mean`). InputError if the recording ends before the step."""
     after = time_s >= step_s
     t, y = time_s[after], np.asarray(signal, dtype=float)[after]
     if y.size == 0:

@@ -10,7 +10,8 @@ from ..setups.keys import LATENCIES
 
 #: The latencies that the report compares.
 LATENCY_STUDY = ("none", "shadow", "predicted")
-SCHEMES = {"fdr": "FDR-DTC", "ddr": "DDR-DTC", "db-dtfc": "DB-DTFC"}
+#: Labels of schemes that are not just their names.
+LABELS = {"fdr": "FDR-DTC", "ddr": "DDR-DTC"}
 
 
 @dataclass
@@ -41,7 +42,7 @@ class Run:
     @property
     def scheme_label(self) -> str:
         """The scheme's name in pictures and tables."""
-        return SCHEMES.get(self.scheme, self.scheme.upper())
+        return LABELS.get(self.scheme, self.scheme.upper())
 
     @property
     def latency_label(self) -> str:

@@ -1,4 +1,4 @@
-"""What the figures of a comparison say, in sentences. Every number is computed from the runs."""
+"""The figures of a comparison, in sentences. Every number is computed from the runs."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def _of_mean_torque(group: list[Run]) -> list[str]:
 
 
 def _of_latency(group: list[Run]) -> list[str]:
-    """What one period of delay does to the torque ripple, and what is left with prediction."""
+    """The effect of one period of delay on the torque ripple, and its rest with prediction."""
     lines = []
     by_scheme: dict[str, dict[str, Run]] = {}
     for run in group:

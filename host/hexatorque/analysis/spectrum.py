@@ -35,7 +35,7 @@ def fundamental_Hz(rec: Recording) -> float:
     """Mean rotation rate of the stator flux in Hz; negative for reverse rotation.
 
     f1 = slope / (2 pi) of the least-squares line through the unwrapped angle of psi_alpha + j
-    psi_beta. Raises ValueError if the recording is shorter than two cycles.
+    psi_beta. InputError if the recording is shorter than two cycles.
     """
     psi_Wb = channel(rec, "psi_alpha_Wb") + 1j * channel(rec, "psi_beta_Wb")
     if psi_Wb.size < 2 or not np.all(np.isfinite(psi_Wb)) or not np.any(psi_Wb):
@@ -48,7 +48,7 @@ def fundamental_Hz(rec: Recording) -> float:
 
 
 def _cycles(samples: int, rate_Hz: float, f1_Hz: float) -> int:
-    """The number of whole cycles of f1 in that many samples. Raises ValueError if it is below
+    """The number of whole cycles of f1 in that many samples. InputError if it is below
     two."""
     cycles = samples * abs(f1_Hz) / rate_Hz
     if not cycles + 1e-6 >= MINIMUM_CYCLES:

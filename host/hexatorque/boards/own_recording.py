@@ -1,5 +1,5 @@
-"""What the simulation of a virtual board sees, written into a file as it goes on: a journal, as a
-client's recording has (recording/writer.py). So the memory that it needs does not grow."""
+"""The simulation's own values of a virtual board, written into a file as it goes on: a journal, as
+a client's recording has (recording/writer.py). So the memory that it needs does not grow."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ CAPTURE_VALUES = 20480
 
 
 class SerialBoard(XcpLine, Protocol):
-    """What a board's controller is beside the drive: its end of the line, and of XCP's."""
+    """The part of a board's controller beside the drive: its end of the line, and of XCP's."""
 
     baud: int
 

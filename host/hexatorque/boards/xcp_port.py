@@ -58,7 +58,7 @@ class XcpPort:
         return [s for s in (self._master, self._datagrams, self._listener) if s is not None]
 
     def pass_to(self, board: XcpLine) -> bool:
-        """What masters have sent goes to the board, as far as its line takes it. Returns whether
+        """The masters' bytes go to the board, as far as its line takes them. Returns whether
         there was something."""
         if not self._waiting:
             ready, _, _ = select.select(self.sources, [], [], 0)
@@ -100,7 +100,7 @@ class XcpPort:
         self._sent.clear()
 
     def pass_from(self, board: XcpLine) -> None:
-        """What the board has sent goes to its master."""
+        """The board's bytes go to its master."""
         self._sent += board.take_net()
         if self._master is not None:
             self._stream()

@@ -21,7 +21,7 @@ from .group import examples
         "macOS, else for Linux alone.",
     ),
 )
-@click.argument("file", metavar="FILE.fmu", type=click.Path(path_type=Path))
+@click.argument("file", metavar="FILE.fmu", type=click.Path(path_type=Path), help="the new FMU")
 @options.setup("paper-a")
 @options.settings
 @click.option(
@@ -41,8 +41,8 @@ from .group import examples
 def fmu(file, setup, settings, kind, version, only_here) -> int:
     """Write the controller, or the whole drive, as an FMU, for co-simulation in other tools.
 
-    The FMU has the whole firmware with its registers. Currents, voltage and shaft angle go in, what
-    the power stage gets comes out. See docs/fmu.md.
+    The FMU has the whole firmware with its registers. Currents, voltage and shaft angle are its
+    inputs, the legs' duty ratios and switching instants its outputs. See docs/fmu.md.
     """
     from .. import setups
 

@@ -42,7 +42,7 @@ class Group(click.Group):
 
 
 def unknown(ctx, name: str) -> str:
-    """What to say to a command that this group does not have."""
+    """The message for a command that this group does not have."""
     elsewhere = next(iter(paths_to(ctx.find_root().command, name)), None)
     if elsewhere is not None:
         return f"no command {name!r} here: it is `hexatorque {elsewhere}`"
@@ -53,7 +53,7 @@ def unknown(ctx, name: str) -> str:
 
 
 def paths_to(command, name: str, path: str = "") -> list[str]:
-    """Where in the tree of commands one of this name is."""
+    """The places of commands with this name in the tree."""
     found = []
     for own, child in getattr(command, "commands", {}).items():
         if own == name:

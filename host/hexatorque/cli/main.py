@@ -101,7 +101,7 @@ def _nothing(*_: Any, **__: Any) -> None:
 
 
 def _usage(error: click.ClickException) -> str:
-    """What is wrong with the command line, in one line."""
+    """The mistake in the command line, in one line."""
     ctx = getattr(error, "ctx", None)
     text = " ".join(error.format_message().split()).rstrip(".")
     text = re.sub(r"^Invalid value for '(?:-\w' / ')?([^']*)': ", r"\1: ", text)

@@ -218,7 +218,7 @@ board = together(
     value(
         "--device",
         metavar="PORT",
-        help="the board's: /dev/ttyUSB0, socket://host:port; default: the only board",
+        help="the board's port: /dev/ttyUSB0, socket://host:port; default: the only board",
     ),
     baud,
 )
@@ -252,7 +252,12 @@ of_tables = together(
     value("--shift", metavar="S", help="seconds to add to the times of these files"),
 )
 channels = click.argument(
-    "channels", metavar="CH...", nargs=-1, required=True, shell_complete=completion.channel
+    "channels",
+    metavar="CH...",
+    nargs=-1,
+    required=True,
+    shell_complete=completion.channel,
+    help="channels of the board",
 )
 recording = file(
     "-o", "--output", metavar="FILE", required=True, help=f"recording: {suffixes_text()}"
@@ -266,4 +271,13 @@ def scenario(required: bool):
         metavar="SCENARIO.toml" if required else "[SCENARIO.toml]",
         required=required,
         shell_complete=completion.files,
+        help="set-up with a section [profile]",
     )
+
+
+of_setup = click.argument(
+    "setup",
+    metavar="NAME|FILE",
+    shell_complete=completion.setup,
+    help="a built-in set-up or a file",
+)

@@ -1,4 +1,4 @@
-"""What several commands print: tables, JSON, failures."""
+"""The output that several commands share: tables, JSON, failures."""
 
 from __future__ import annotations
 

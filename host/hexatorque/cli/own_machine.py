@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from . import completion, options
+from . import options
 from .group import examples
 from .output import console_of, print_json
 
@@ -41,8 +41,8 @@ def at_terminal() -> bool:
         "5,5 is 5.5.",
     ),
 )
-@click.argument("file", metavar="FILE.toml", type=click.Path(path_type=Path))
-@options.value("--nameplate", metavar="NAME=VALUE,...", help="what the machine's plate says")
+@click.argument("file", metavar="FILE.toml", type=click.Path(path_type=Path), help="the new set-up")
+@options.value("--nameplate", metavar="NAME=VALUE,...", help="the machine's nameplate")
 @options.value("--circuit", metavar="NAME=VALUE,...", help="its equivalent circuit per phase")
 @options.value("--magnets", metavar="NAME=VALUE,...", help="data of a machine with magnets")
 @click.option("--force", is_flag=True, help="replace a file that is there")
@@ -50,9 +50,8 @@ def new(file, nameplate, circuit, magnets, force) -> int:
     """Write a set-up for a machine of your own.
 
     The machine has six phases. Voltage and current of a nameplate are those of each of the two
-    three-phase sets. What it does
-    not say is estimated, and tagged with the range in which it lies. The scheme is the one that
-    `check` finds best. Without a list the command asks.
+    three-phase sets. Missing values are estimated, and tagged with the range in which they usually
+    lie. The scheme is the one that `check` finds best. Without a list the command asks.
     """
     from ..setups import new as writing
 
@@ -99,11 +98,14 @@ def new(file, nameplate, circuit, magnets, force) -> int:
         "check mine.toml --set inverter.vdc_V=560",
     ),
 )
-@click.argument("setup", metavar="NAME|FILE", shell_complete=completion.setup)
+@options.of_setup
 @options.schemes
 @options.settings
 @click.option(
-    "--all", "everything", is_flag=True, help="show also what is in order: the whole table"
+    "--all",
+    "everything",
+    is_flag=True,
+    help="show the whole table, also the rows that are in order",
 )
 @options.as_json
 def check(setup, schemes, settings, everything, as_json) -> int:
@@ -154,7 +156,7 @@ def check(setup, schemes, settings, everything, as_json) -> int:
 
 
 def _print_notes(console, findings, rest: str) -> None:
-    """What is not in order, bad before notes. A line each, and one for what to change; then how
+    """The findings, bad before notes. A line each, and one for the change; then how
     many there are, with the `rest` of this line."""
     from rich.markup import escape
     from rich.padding import Padding
@@ -171,7 +173,7 @@ def _print_notes(console, findings, rest: str) -> None:
 
 
 def _table(findings):
-    """What to change stands below the table, where there is room for it."""
+    """The changes stand below the table, where there is room for them."""
     from rich.table import Table
 
     table = Table()

@@ -58,7 +58,7 @@ def diff(
     second: str = BOARD,
     as_json: bool = False,
 ) -> int:
-    """What differs between two sets: each a file of parameters, a set-up, `board` or `defaults`.
+    """The differences between two sets: each a file of parameters, a set-up, `board` or `defaults`.
     Without a board the names are the firmware's of this package. 1 if anything differs."""
     from .. import firmware
 
@@ -110,7 +110,7 @@ def _saved(path: Path) -> dict[str, object] | None:
 
 
 def _remarks(setup: Setup, device: str) -> list[str]:
-    """What of a set-up a board does not get, or cannot be."""
+    """The parts of a set-up that a board does not get, or cannot be."""
     from ..setups.to_parameters import not_on_a_board
 
     lines = []

@@ -1,4 +1,4 @@
-"""What `hexatorque new` asks when it is given no list.
+"""The questions of `hexatorque new` when it is given no list.
 
 Each question has the value's unit and range. Enter accepts the value in brackets: it follows
 from the answers so far, or is usual. Such a value is left out of the list where the set-up would

@@ -34,7 +34,7 @@ from .output import complain, console_of, print_json
 @options.value(
     "--align",
     metavar="HOW",
-    help="what all have at time 0: trigger, start or none; default: none with --shift, trigger if "
+    help="event at time 0: trigger, start or none; default: none with --shift, trigger if "
     "all have one, else start if several",
 )
 @options.value("--window", metavar="T0,T1", help="seconds to show, after alignment")
@@ -108,7 +108,7 @@ def seconds_window(text: str | None) -> tuple[float, float] | None:
 
 
 def _complain_of(file: str, rec) -> None:
-    """What reading a file brought up, on standard error."""
+    """Remarks from reading a file, on standard error."""
     if rec.notes:
         complain(f"{file}: {'; '.join(rec.notes)}")
 

@@ -30,7 +30,11 @@ SETUP = "paper-a-feasible"
     ),
 )
 @click.argument(
-    "file", metavar="[FILE.toml | STUDY]", required=False, shell_complete=completion.sweep
+    "file",
+    metavar="[FILE.toml | STUDY]",
+    required=False,
+    shell_complete=completion.sweep,
+    help="file of a study, or the name of a ready-made one",
 )
 @options.setup(None, f"the file's, or {SETUP}")
 @options.value(
@@ -82,7 +86,7 @@ def sweep(
 ) -> int:
     """Many runs with other values, and one table.
 
-    Runs every combination of the values, or what the file says, in all processors or on a cluster.
+    Runs every combination of the values, or the file's study, on all cores or on a cluster.
     Ready-made studies for any set-up: efficiency, pareto, sensitivity, cycle.
     Writes a table (CSV and Parquet) and a map. A run that fails is a row that says why. An
     interrupted study goes on with --resume.

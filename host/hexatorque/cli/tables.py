@@ -12,7 +12,13 @@ from .output import console_of, print_json
 @click.command(
     "setups", epilog=examples("setups", "setups paper-b examples/reversal.toml", "setups --schemes")
 )
-@click.argument("names", metavar="[NAME|FILE]...", nargs=-1, shell_complete=completion.setup)
+@click.argument(
+    "names",
+    metavar="[NAME|FILE]...",
+    nargs=-1,
+    shell_complete=completion.setup,
+    help="set-ups to show in full; default: a list of the built-in ones",
+)
 @options.as_json
 @click.option("--schema", is_flag=True, help="JSON Schema of their files, for editors")
 @click.option(

@@ -27,7 +27,7 @@ JOURNAL = "study.journal"
         note="Weights: ripple, thd, fsw, loss, speed; 0 leaves one out.",
     ),
 )
-@click.argument("setup", metavar="NAME|FILE", shell_complete=completion.setup)
+@options.of_setup
 @options.value(
     "--scheme",
     metavar="NAME",
@@ -38,9 +38,11 @@ JOURNAL = "study.journal"
 @options.value(
     "--points",
     metavar="RPM:NM,...",
-    help="where the drive works; default: three, from the rated values",
+    help="operating points that count; default: three, from the rated values",
 )
-@options.value("--weights", metavar="NAME=W,...", help="what counts; default: 1 each, speed 0.5")
+@options.value(
+    "--weights", metavar="NAME=W,...", help="weights of the figures; default: 1 each, speed 0.5"
+)
 @options.value(
     "--trials",
     metavar="N",

@@ -1,4 +1,4 @@
-"""What a command says while it works: what it does, how far it is, and for how long already."""
+"""Progress of a command: its step, how far it is, and for how long already."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a user may choose for a commissioning, beside the limit of the current."""
+"""A user's choices for a commissioning, beside the limit of the current."""
 
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ CHOICES = {
 
 
 def refusal(name: str, value: float) -> str:
-    """What is wrong with a value; empty if it is allowed."""
+    """The mistake in a value; empty if it is allowed."""
     low, high, unit, _ = CHOICES[name]
     if 0 < value <= high and low <= value:
         return ""

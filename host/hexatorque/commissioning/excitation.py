@@ -253,7 +253,7 @@ class Excitation:
 
 
 def voltage(vector_V: np.ndarray, wave: str, angle_rad: np.ndarray) -> np.ndarray:
-    """What the firmware makes of a vector at angles of the wave, (n, 4)."""
+    """The firmware's voltage for a vector at angles of the wave, (n, 4)."""
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     table = np.tile(np.asarray(vector_V, float), (len(cosine), 1))
     if wave == "rotate":

@@ -105,7 +105,7 @@ def along(wave: Samples, axis: int) -> Value:
 
 
 def _slopes(wave: Samples, axis: int) -> tuple[list[Value], list[np.ndarray]]:
-    """What the currents' slope is made of, and the columns that these factors belong to. What
+    """The parts of the currents' slope, and the columns that these factors belong to. What
     changes slowly, for the resistances and the rotor's flux, has columns of its own."""
     i = wave.i_vsd_A[:, axis]
     slope = np.diff(i) / wave.dt_s
@@ -132,7 +132,7 @@ def fitted(wave: Samples, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def phases(waves: list[Samples], resistance: Resistance) -> tuple[Value, ...]:
-    """What each phase's leakage differs by, from a wave on each leg."""
+    """The difference of each phase's leakage, from a wave on each leg."""
     both = [_effective(wave, resistance) for wave in waves]
     v, slope = (np.concatenate([pair[k] for pair in both]) for k in range(2))
     # Each slope of the four axes from the four voltages: the inverse inductance, row by row.

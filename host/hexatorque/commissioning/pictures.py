@@ -1,4 +1,4 @@
-"""What a step has measured, for a picture: the samples, and the fit that the result comes from."""
+"""A step's measurement for a picture: the samples, and the fit that the result comes from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a step will do to the machine, in words, before it does it."""
+"""A step's effect on the machine, in words, before the step begins."""
 
 from __future__ import annotations
 

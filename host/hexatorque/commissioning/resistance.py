@@ -48,7 +48,7 @@ class Resistance:
     vdc_V: float
 
     def of_legs(self, i_A: np.ndarray) -> np.ndarray:
-        """What the legs lose at these currents, (..., 6)."""
+        """The legs' lost voltage at these currents, (..., 6)."""
         lost = np.array([v.value for v in self.lost_V])
         return lost * np.clip(i_A / self.knee_A, -1, 1)
 
@@ -191,7 +191,7 @@ def _less_mean(values: np.ndarray) -> np.ndarray:
 
 
 def _in_star(values: np.ndarray, leg: int) -> np.ndarray:
-    """What a quantity of one leg makes of all legs' voltages in its star."""
+    """The voltages of all legs in its star that a quantity of one leg makes."""
     out = np.zeros_like(values)
     out[:, leg] = values[:, leg]
     return _less_mean(out)

@@ -1,4 +1,4 @@
-"""What commissioning has found: controller parameters, and a set-up with tag `measured`."""
+"""The findings of a commissioning: controller parameters, and a set-up with tag `measured`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .wiring import Wiring
 
 @dataclass
 class Findings:
-    """What the steps have found; None where they did not run."""
+    """The findings of the steps; None where they did not run."""
 
     mistakes: list[str] = field(default_factory=list)
     wiring: Wiring | None = None

@@ -87,7 +87,7 @@ class Mechanics:
     runs: tuple[np.ndarray, ...] = ()
 
     def load_Nm(self, speed_rpm: float) -> float:
-        """What friction and load take at this speed, above zero."""
+        """The torque of friction and load at this speed, above zero."""
         w = speed_rpm * math.pi / 30
         return self.dry_Nm.value + w * (self.viscous_Nms.value + w * self.fan_Nms2.value)
 
@@ -115,7 +115,7 @@ def _no_load_A(drive: DriveVerbs) -> float:
 
 
 def _step_A(drive: DriveVerbs) -> float:
-    """What the largest vector moves a current by in one period."""
+    """The largest step of a current in one period."""
     sigma_ls_H, f_isr_Hz = float(drive.get("sigma_ls_H")), float(drive.get("f_isr_Hz"))
     return VECTOR_PU * vdc_V(drive) / (f_isr_Hz * sigma_ls_H)
 

@@ -58,7 +58,7 @@ _APPLIED = INVERSE @ TRANSFORM
 
 
 def machine_per_H(ab_per_H: float, xy_per_H: float) -> np.ndarray:
-    """What a machine of these conductances answers if all is right, (6 channels, 6 legs)."""
+    """The answer of a machine with these conductances if all is right, (6 channels, 6 legs)."""
     return (ab_per_H * _AB + xy_per_H * _XY) @ _APPLIED
 
 
@@ -84,7 +84,7 @@ def check(test: Excitation) -> Wiring:
 
 
 def decide(response: np.ndarray) -> Wiring:
-    """What is wrong, from the matrix alone."""
+    """The mistakes that the matrix alone shows."""
     every = np.arange(6)
     fits = fit(response, every)
     if fits.unexplained.min() < UNEXPLAINED:

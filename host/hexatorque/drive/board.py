@@ -523,7 +523,7 @@ class BoardDrive(DriveVerbs):
 
     @property
     def warnings(self) -> list[str] | None:
-        """What the drive warns of, until `clear` or the next start. None if other clients use all
+        """The drive's warnings, until `clear` or the next start. None if other clients use all
         streams or the whole line."""
         now = self.latest(("warnings",))
         return None if now is None else warnings(int(now["warnings"]))

@@ -12,10 +12,16 @@ from ..plant import breaks, machines
 from ..plant.edges import EdgeLog, Edges
 from ..plant.gates import gates_record
 from ..plant.heat import STEP_S, Bodies
+from ..plant.junctions import Junctions
 from ..plant.legs import KINDS, MAX_BREAKS
 from ..plant.link import V
-from ..plant.load import load_record
+from ..plant.load import set_load
+from ..plant.load_kinds import LOADS
 from ..plant.loop import (
+    BRAKE_CHANNELS,
+    DEVICE_CHANNELS,
+    HEAT_CHANNELS,
+    LINK_CHANNELS,
     MAX_STEP_S,
     NO_INSTANTS,
     Chip,
@@ -40,15 +46,16 @@ RESET_TICKS = 0x10000  # the timer's period after a reset of the chip
 #: from its limit of stability, and the error of a step is 1e-7. For the papers' machines this
 #: allows more than twice 100 us.
 STEP_SHARE = 0.1
+#: Of the inverter: its commutations.
+SWITCHING = ("e_on_mJ", "e_off_mJ", "e_ref_V", "e_ref_A")
 
 
 class Hardware:
-    """What a simulated drive has more than a board: access to its machine, inverter, load and
+    """The advantage of a simulated drive over a board: access to its machine, inverter, load and
     sensors.
 
     load_Nm, vdc_V: torque of the load and voltage of the dc link now, or of the link's source if
-    there is `inverter.link_F`; link_V: true voltage of the link; sink_degC: temperature of the heat
-    sink; period_s: control period;
+    there is `inverter.link_F`; link_V: true voltage of the link; period_s: control period;
     periods: how many have passed; plant_state: (8,) the machine's state as its model has it, [6] is
     the speed of the shaft in rad/s; machine: the model's parameters; sensors, inverter: numpy
     records of the plant's, which may be changed between two runs.
@@ -78,22 +85,27 @@ class Hardware:
         self._timing = parts.timing(setup, self.controller, self._windings_step_s)
         self._instants = sample_instants(samples_per_period, counts)
         self.plant_state = model.initial(self._machine)
-        self.inverter = parts.inverter(setup, self.machine.phase_of_leg, self._machine)
-        parts.follow_output(setup, self.controller, self.inverter.link)
+        self.inverter = parts.inverter(
+            setup, self.machine.phase_of_leg, self._machine, self.controller.port
+        )
+        energies = {key: setup[f"inverter.{key}"] for key in SWITCHING}
+        #: Temperatures of the devices, if the set-up has `heat.switch_K_W` or `diode_K_W`.
+        self.junctions = Junctions(heat, self.inverter, energies)
+        self.inverter.more = bool(self._more_channels())
         self._pwm = pwm_record()
         self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock_Hz))
         board = self.controller.port.board
         self._map = parts.pwm_map(self.controller.map, board.gates_active_low, board.min_pulse_us)
         #: The sensors' constants and state. They may be changed between two runs.
         self.sensors = parts.sensors(setup, self.controller, self.period_s)
-        #: Temperature of the power stage's heat sink. Nothing warms it.
-        self.sink_degC = float(setup["heat.ambient_degC"])
         self._thermistors = dict.fromkeys(THERMISTORS, "none")
         self._registers = self.controller.register_words()
         tbprd = self.controller.port.leg[0] + self.controller.map.tbprd
         self._timer_words = np.array([tbprd, TIMER_PERIOD, TIMER_PERIOD + 1])
         self._timers_followed = b""
-        self.load_Nm = 0.0
+        self.load_Nm = self._load_set_Nm = 0.0
+        self._load_kind = LOADS.index(setup["load.kind"])
+        self._load = parts.load(setup, self._machine, self.inverter, self.controller.port)
         self.vdc_V = setup["inverter.vdc_V"]
         self.periods = 0
         self._begun, self._begun_s = 0, 0.0  # periods and time when the rate last changed
@@ -150,15 +162,31 @@ class Hardware:
         return self.plant_state[6] * 30 / math.pi
 
     @property
+    def brake(self) -> np.record:
+        """State of the holding brake, a record of plant.brake."""
+        return self._load.brake
+
+    @property
     def link_V(self) -> float:
         """True voltage of the dc link."""
         link = self.inverter.link
         return float(link.x[V]) if link.on else self.vdc_V
 
+    def _more_channels(self) -> list[str]:
+        """Which of `loop.MORE_CHANNELS` a recording has."""
+        link = self.inverter.link
+        groups = (
+            (LINK_CHANNELS[: 3 if link.line_Hz else 2], link.on),
+            (HEAT_CHANNELS, self.bodies.on),
+            (DEVICE_CHANNELS, self.junctions.on),
+            (BRAKE_CHANNELS, self.setup["load.holding_Nm"] > 0),
+        )
+        return [name for group, on in groups if on for name, _ in group]
+
     def _advance(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         """Compute n periods, into rows for samples of the plant and for the firmware's channels.
         Both may be empty."""
-        if not self.bodies.on:
+        if not (self.bodies.on or self.junctions.on):
             self._compute(0, n, plant, channels)
             return
         done = 0
@@ -170,13 +198,18 @@ class Hardware:
             done += part
             self._unheated += part
             if self._unheated >= whole:
-                self.bodies.advance(self._unheated * self.period_s)
+                for followed in (self.bodies, self.junctions):
+                    if followed.on:
+                        followed.advance(self._unheated * self.period_s)
                 self._unheated = 0
 
     def _compute(self, first: int, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         """The same from the period `first` of a call on."""
         self._warm_thermistors()
-        load = load_record(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
+        load = self._load
+        if self.load_Nm != self._load_set_Nm:
+            set_load(load, self._load_kind, self.load_Nm, self.setup["load.at_rpm"])
+            self._load_set_Nm = self.load_Nm
         shaft_step_s = parts.shaft_step_s(self.setup, load, self.load_Nm, self._swing_per_s)
         longest_s = min(self._windings_step_s, shaft_step_s)
         self._timing.max_step = max(1, int(longest_s * self._timing.clock_Hz))
@@ -195,7 +228,7 @@ class Hardware:
 
     def _warm_thermistors(self) -> None:
         """The inputs of the thermistors show their temperatures. The winding's lies on u1."""
-        degC = self.bodies.winding_degC[0], self.sink_degC
+        degC = self.bodies.winding_degC[0], self.junctions.sink_degC
         value, broken = self.setup.__getitem__, self._thermistors
         for k, place in enumerate(THERMISTORS if self.sensors.slow else ()):
             ohm = thermistor_ohm(
@@ -236,7 +269,7 @@ class Hardware:
 
     @property
     def broken(self) -> dict[str, str]:
-        """What is broken in each phase's leg now: phase -> none, open, blocked, upper or lower."""
+        """The break in each phase's leg now: phase -> none, open, blocked, upper or lower."""
         return {phase: KINDS[kind] for phase, kind in zip(PHASES, self.inverter.contact.broken)}
 
     def lose_interrupts(self, lost: bool) -> None:
@@ -279,7 +312,7 @@ class Hardware:
 
     @property
     def gate_mistake(self) -> str:
-        """What the gates were commanded so far that could destroy a power stage; empty if
+        """Commands to the gates so far that could destroy a power stage; empty if
         nothing was."""
         if self.shorts:
             return "both switches of a leg were commanded on"

@@ -65,7 +65,7 @@ def seconds(duration_s: object, rounding_s: float = 0.0) -> float:
 
 
 class DriveVerbs(ABC):
-    """What every drive can do, simulated or on a board.
+    """The functions of every drive, simulated or on a board.
 
     taken_tick: count of fast interrupts at which the latest `set_many` was taken over.
     """
@@ -224,8 +224,9 @@ class DriveVerbs(ABC):
     def run_profile(
         self, profile: Profile, progress: Progress | None = None, record: bool = True
     ) -> None:
-        """Start the drive and follow a profile, whose time 0 is now. `progress` and `record` are
-        as in `run`. An error names what of the profile this drive cannot do."""
+        """Start the drive and follow a profile, whose time 0 is now. If its first command is a
+        start, the drive waits for it. `progress` and `record` are as in `run`. An error names what
+        of the profile this drive cannot do."""
         events: list[tuple[float, str, object]] = []
         events += [(t, "speed_ref_rpm", v) for t, v in profile.speed_rpm]
         events += [(t, "load_Nm", v) for t, v in profile.load_Nm]
@@ -239,7 +240,7 @@ class DriveVerbs(ABC):
         self._can_follow(named, bool(profile.broken))
         self._refuse_over_speed(events)
         begin_s = self.time_s
-        if self.state == IDLE:
+        if self.state == IDLE and not profile.starts_later:
             self.start()
         for time_s, phase, kind in profile.broken:
             self.break_leg(phase, kind, time_s)

@@ -1,4 +1,4 @@
-"""What a board remembers over power cycles: its log of events, and its counters."""
+"""A board's memory over power cycles: its log of events, and its counters."""
 
 from __future__ import annotations
 

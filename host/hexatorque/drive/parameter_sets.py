@@ -29,7 +29,7 @@ class NotTaken(HexatorqueError, RuntimeError):
 
 
 def text_of(drive: BoardDrive) -> str:
-    """What is in force on a board, as the text of a file."""
+    """The parameters in force on a board, as the text of a file."""
     values, rows = drive.get_all(), drive.params
     units = {name: f"  # {row.unit}" if row.unit else "" for name, row in rows.items()}
     lines = [f"{name} = {json.dumps(value)}{units[name]}" for name, value in values.items()]

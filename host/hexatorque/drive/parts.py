@@ -10,7 +10,8 @@ import numpy as np
 
 from .. import firmware
 from ..plant import load as loads
-from ..plant.inverter import DROPS, inverter_record, longest_step_s
+from ..plant.inverter import inverter_record, longest_step_s
+from ..plant.legs import DROPS
 from ..plant.link import LINK_KEYS, charge, longest_link_step_s
 from ..plant.loop import TIMING
 from ..plant.machines import constants_of
@@ -47,8 +48,10 @@ def timing(setup: Setup, controller: firmware.Controller, longest_s: float) -> n
     )
 
 
-def inverter(setup: Setup, leads: Sequence[int], machine: np.record) -> np.record:
-    """leads: the machine's phase on each leg."""
+def inverter(
+    setup: Setup, leads: Sequence[int], machine: np.record, port: firmware.CData
+) -> np.record:
+    """leads: the machine's phase on each leg; port: the firmware's."""
     made = inverter_record(
         leads,
         range_A=setup["sensors.i_full_A"],
@@ -59,29 +62,59 @@ def inverter(setup: Setup, leads: Sequence[int], machine: np.record) -> np.recor
         },
     )
     charge(made.link, setup["inverter.vdc_V"])
+    set_pin(made.link.relay, port, firmware.lib.HT_OUT_PRECHARGE)
+    if setup["inverter.chopper_ohm"] > 0 and setup["inverter.chopper_on_V"] == 0:
+        set_pin(made.link.chopper, port, firmware.lib.HT_OUT_CHOPPER)
     if made.devices.drops and longest_step_s(made, machine) < SHORTEST_STEP_S:
         raise SetupError(
             "inverter.v_switch_V, v_diode_V, r_switch_ohm, r_diode_ohm: too large for the "
             "machine's smallest leakage inductance, the simulation would need steps below "
             f"{SHORTEST_STEP_S * 1e6:g} us"
         )
-    if made.link.on and longest_link_step_s(made.link, machine) < SHORTEST_STEP_S:
+    if made.link.on and _shortest_link_step_s(made.link, machine) < SHORTEST_STEP_S:
         raise SetupError(
-            "inverter.link_F, source_ohm, source_H, chopper_ohm: with link_F = "
+            "inverter.link_F, source_ohm, source_H, precharge_ohm, chopper_ohm: with link_F = "
             f"{made.link.link_F:g} the simulation would need steps below "
             f"{SHORTEST_STEP_S * 1e6:g} us: give more capacitance or resistance"
         )
     return made
 
 
-def follow_output(setup: Setup, controller: firmware.Controller, link: np.record) -> None:
-    """The drive's output switches the chopper, if the set-up gives it no levels of its own."""
-    if setup["inverter.chopper_ohm"] > 0 and setup["inverter.chopper_on_V"] == 0:
-        number = firmware.lib.HT_OUT_CHOPPER.bit_length() - 1
-        gpio = controller.port.board.output[number].gpio
-        port, pin = divmod(gpio, 32)
-        link.chopper_word = controller.map.gpio_data + 8 * port + pin // 16
-        link.chopper_bit = pin % 16
+def load(setup: Setup, machine: np.record, inverter: np.record, port: firmware.CData) -> np.record:
+    """What is on the shaft, without a load yet; a holding brake is closed. port: the firmware's."""
+    made = loads.load_record(setup["load.kind"], 0.0, setup["load.at_rpm"]).copy()
+    brake = made.brake
+    brake.torque_Nm = brake.closed_Nm = inverter.brake_Nm = setup["load.holding_Nm"]
+    brake.open_s, brake.close_s = setup["load.holding_open_s"], setup["load.holding_close_s"]
+    brake.inertia_kgm2 = machine.inertia
+    set_pin(brake.pin, port, firmware.lib.HT_OUT_BRAKE)
+    if brake.torque_Nm:
+        brake.held, machine.inertia = 1, np.inf
+    return made
+
+
+def _shortest_link_step_s(link: np.record, machine: np.record) -> float:
+    """With the precharge resistor and without it."""
+    found = []
+    for bridged in {1, int(link.bridged)}:
+        other = link.copy()
+        other.bridged = bridged
+        found.append(longest_link_step_s(other, machine))
+    return min(found)
+
+
+#: Words from the levels of a GPIO port to those of the next, and where a port's directions are
+#: among its control registers.
+_PORT_WORDS, _DIRECTIONS = 8, 0x0A
+
+
+def set_pin(pin: np.record, port: firmware.CData, output: int) -> None:
+    """Where the firmware switches an output, HT_OUT_..."""
+    m, gpio = port.board.map, int(port.board.output[output.bit_length() - 1].gpio)
+    group, within = divmod(gpio, 32)
+    pin.level = m.gpio_data + group * _PORT_WORDS + within // 16
+    pin.drives = m.gpio + group * m.gpio_stride + _DIRECTIONS + within // 16
+    pin.bit = within % 16
 
 
 def pwm_map(m: firmware.CData, active_low: bool = False, min_pulse_us: float = 0.0) -> np.record:

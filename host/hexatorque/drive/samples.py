@@ -1,11 +1,13 @@
-"""What a simulation records."""
+"""The samples of a simulation."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from .. import firmware
-from ..plant.loop import PLANT_CHANNELS
+from ..plant.loop import MORE_CHANNELS, PLANT_CHANNELS
 from ..plant.vsd import PHASES, inverse
 from ..recording.channels import Channels, Held, Later, Product, RowOf
 
@@ -51,10 +53,17 @@ class Samples:
     """The plant's true values, so many samples a control period, and the firmware's channels once a
     period."""
 
-    def __init__(self, per_period: int, displacement_deg: float) -> None:
+    def __init__(self, per_period: int, displacement_deg: float, more: Sequence[str] = ()) -> None:
+        """more: which of `loop.MORE_CHANNELS` there are."""
         self.per_period = per_period
+        width = len(PLANT_CHANNELS) + len(MORE_CHANNELS) * bool(more)
+        self._columns = [
+            (column, name, unit)
+            for column, (name, unit) in enumerate((*PLANT_CHANNELS, *MORE_CHANNELS))
+            if column < len(PLANT_CHANNELS) or name in more
+        ]
         self._phases = inverse(displacement_deg).astype(np.float32)
-        self.plant = Rows(len(PLANT_CHANNELS))
+        self.plant = Rows(width)
         self.channels = Rows(len(firmware.channels()))
 
     def room(self, periods: int) -> tuple[np.ndarray, np.ndarray]:
@@ -76,7 +85,7 @@ class Samples:
         for row, phase in enumerate(PHASES):
             data[f"plant.i_{phase}_A"] = RowOf(0, samples, phases, row)
             units[f"plant.i_{phase}_A"] = "A"
-        for column, (name, unit) in enumerate(PLANT_CHANNELS):
+        for column, name, unit in self._columns:
             data[f"plant.{name}"] = Held(0, samples, plant[:, column])
             units[f"plant.{name}"] = unit
         for column, (name, unit) in enumerate(firmware.channels()):

@@ -51,8 +51,8 @@ class SimulatedDrive(Hardware, DriveVerbs):
     period_s: control period; periods: how many have passed; wall_s: seconds that the simulation
     has taken; plant_state: (8,) the machine's state as its model has it, [6] is the speed of the
     shaft in rad/s; machine: the model's parameters; sensors, inverter: numpy records of the
-    plant's, which may be changed between two runs; bodies: temperatures of the machine, if the
-    set-up has [heat].
+    plant's, which may be changed between two runs; bodies: temperatures of the machine, and
+    junctions: of the devices, if the set-up has [heat].
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class SimulatedDrive(Hardware, DriveVerbs):
         self._speed_refs = [(0.0, float(self.controller.get("speed_ref_rpm")))]
         self._burst: Burst | None = None
         displacement_deg = setup.machine_values()["displacement_deg"]
-        self._samples = Samples(samples_per_period, displacement_deg)
+        self._samples = Samples(samples_per_period, displacement_deg, self._more_channels())
         self._record_start = 0
         self._transitions = 0  # at `_record_start`
         self._all_transitions: np.ndarray = self._pwm.transitions  # a view

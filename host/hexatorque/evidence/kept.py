@@ -1,4 +1,4 @@
-"""What was measured once and is kept in files, so that an interrupted sweep can continue."""
+"""Measured values in files, so that an interrupted sweep can continue."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def digest(names: tuple[str, ...] = MEASURING) -> str:
 
 
 class Kept:
-    """What was measured under a key, in a file."""
+    """The values that were measured under a key, in a file."""
 
     def __init__(self, folder: Path, kind: str, *key: object) -> None:
         text = json.dumps([digest(), kind, *key], default=repr, sort_keys=True)

@@ -1,2 +1,2 @@
-"""What is done with drives: they are brought to operating points and measured there, alone or side
+"""Experiments with drives: they are brought to operating points and measured there, alone or side
 by side."""

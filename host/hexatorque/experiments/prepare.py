@@ -1,4 +1,4 @@
-"""What precedes a measurement: changes of the simulated drive that no set-up describes, and its
+"""Preparation of a measurement: changes of the simulated drive that no set-up describes, and its
 start."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What `hexatorque compare` writes: metrics, recordings, pictures and a report in HTML."""
+"""The files of `hexatorque compare`: metrics, recordings, pictures and a report in HTML."""
 
 from __future__ import annotations
 

@@ -23,7 +23,6 @@ from ..drive.parts import SHORTEST_STEP_S, friction_Nms
 from ..drive.simulated import SimulatedDrive
 from ..plant.breaks import breaks_of
 from ..plant.legs import KINDS, OPEN
-from ..plant.load import load_record
 from ..plant.load_kinds import LOADS
 from ..setups import Setup, SetupError, parameters
 from ..to_c import plant
@@ -83,8 +82,9 @@ def sources(setup: Setup, of: str, version: int) -> dict[str, str]:
 def _plant(setup: Setup) -> dict[str, str]:
     """The plant in C and how it is at the beginning."""
     sim = SimulatedDrive(setup)
+    sim.inverter.more = 0  # its row has the columns that every set-up has
     parts = {
-        "machine": sim._machine, "load": load_record(setup["load.kind"], 0.0, setup["load.at_rpm"]),
+        "machine": sim._machine, "load": sim._load,
         "inverter": sim.inverter, "sensors": sim.sensors, "timing": sim._timing,
         "map": sim._map, "pwm": sim._pwm, "gates": sim._gates,
     }  # fmt: skip

@@ -241,7 +241,7 @@ class SixPhaseDrive(gymnasium.Env):
         memory["acting"] = 1
 
     def _observed(self, row: np.ndarray) -> np.ndarray:
-        """What the firmware knows at the end of a step."""
+        """The firmware's values at the end of a step."""
         most = self._top_rpm if self._follows_speed else self._limit_Nm
         speed_rpm, torque_Nm, alpha_Wb, beta_Wb = row[_SEEN]
         seen = [
@@ -258,7 +258,7 @@ class SixPhaseDrive(gymnasium.Env):
         return np.clip(known, -FARTHEST, FARTHEST)
 
     def _told(self, passed: Passed | None) -> dict[str, Any]:
-        """What is known besides: time, reference, true mean values, and the faults of a trip."""
+        """Further values: time, reference, true mean values, and the faults of a trip."""
         drive = self.drive
         assert drive is not None
         told: dict[str, Any] = {"time_s": drive.time_s, "reference": self.reference}

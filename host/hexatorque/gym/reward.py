@@ -1,4 +1,4 @@
-"""What an agent is rewarded for, unless its user says otherwise."""
+"""The reward of an agent, unless its user gives another one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TRIP_REWARD = -100.0
 
 
 class Passed(NamedTuple):
-    """What a step was. plant: true values, a row for each sample, with the columns
+    """The course of a step. plant: true values, a row for each sample, with the columns
     `hexatorque.plant.loop.PLANT_CHANNELS`; error: what is followed less its reference, (samples,),
     as a share of the largest reference (torque limit, or the largest speed); i_xy_pu: size of the
     true x-y current over `i_trip_A`, (samples,); transitions: of all legs; tripped: whether the

@@ -54,7 +54,7 @@ _compiling = threading.Lock()
 
 
 def _first_line(error: NumbaError) -> str:
-    """What numba says, without colours and what it was about to do."""
+    """Numba's message, without colours and without its context."""
     lines = re.sub(r"\x1b\[\d*m", "", str(error)).splitlines()
     said = [line.strip() for line in lines if line.strip() and "nopython mode" not in line]
     return said[0] if said else type(error).__name__
@@ -139,7 +139,7 @@ class LawController(Controller):
 
     @property
     def memory(self) -> np.record:
-        """What the step reads and changes. A start makes it anew."""
+        """The values that the step reads and changes. A start makes them anew."""
         return self._own
 
     @property

@@ -1,4 +1,4 @@
-"""What a law is: the class that a user derives from, and what its step sees."""
+"""A law: the class that a user derives from, and the input of its step."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Law:
         raise NotImplementedError
 
     def memory(self, parameters: Mapping[str, float | str]) -> np.record | None:
-        """What `step` gets as its memory at each start: a `record`, or None. `parameters` are the
+        """The memory of `step` at each start: a `record`, or None. `parameters` are the
         drive's, by name. Gains that follow from the machine are computed here."""
         return None
 

@@ -1,4 +1,4 @@
-"""What the predictive references share: the machine one period ahead, and what is wanted there.
+"""The common part of the predictive references: the machine one period ahead, and its references.
 
 With the rotor flux seen from the stator, r = psi - sigma L_s i, which turns on with the flux's
 speed, no parameter of the rotor is needed. Steps that are compiled may call these.

@@ -1,4 +1,4 @@
-"""What the page is told of a drive's tables: parameters, channels, faults, warnings, limits."""
+"""A drive's tables for the page: parameters, channels, faults, warnings, limits."""
 
 from __future__ import annotations
 

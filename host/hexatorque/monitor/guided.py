@@ -176,7 +176,7 @@ class Guided:
         self._changed()
 
     def _rows(self, values: dict[str, Value]) -> list[dict]:
-        """What was measured beside what was in force before."""
+        """The measured values beside those that were in force before."""
         return [
             {
                 "name": name, "unit": self.drive.params[name].unit, "value": value.value,
@@ -188,7 +188,7 @@ class Guided:
     # -- for the page ----------------------------------------------------------------------
 
     def _usable(self) -> Findings | None:
-        """What was found when it ended; None if the wiring is wrong."""
+        """The findings at its end; None if the wiring is wrong."""
         return None if self.active or not self.found or self.found.mistakes else self.found
 
     def described(self) -> dict:

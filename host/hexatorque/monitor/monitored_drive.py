@@ -123,7 +123,7 @@ class MonitoredDrive:
     # -- data for the pages --------------------------------------------------------------
 
     def device(self) -> dict:
-        """What does not change: the board's identity and its dictionary."""
+        """The constant part: the board's identity and its dictionary."""
         hello, dictionary = self.drive.hello, self.drive.dictionary
         return {
             "device": hello.device,
@@ -150,7 +150,8 @@ class MonitoredDrive:
         }
 
     def status(self) -> dict:
-        """What changes. This sends no request: every reply and the heartbeat carry these data."""
+        """The part that changes. This sends no request: every reply and the heartbeat carry these
+        data."""
         client, ring, stream = self.drive.client, self.traces.ring, self.traces.stream
         latest, board, state = client.latest, client.status, self._state()
         ticks = ring.boards_end * stream.decimation if ring and stream else 0

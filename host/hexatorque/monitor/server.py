@@ -478,7 +478,7 @@ def _file(monitored: MonitoredDrive, body: dict) -> dict[str, str | float]:
 
 
 def _difference(monitored: MonitoredDrive, body: dict) -> dict:
-    """What differs from a file; without one, from the defaults."""
+    """The differences from a file; without one, from the defaults."""
     rows = monitored.drive.params
     others = _file(monitored, body) if "file" in body else parameter_sets.defaults(rows)
     differing = [

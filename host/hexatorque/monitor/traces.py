@@ -166,7 +166,7 @@ class Traces:
                     self.stream.close()
 
     def status(self) -> dict:
-        """What a page shows of them."""
+        """The part of them that a page shows."""
         ring, stream, recorder = self.ring, self.stream, self.recorder
         return {
             "marks_s": [n / stream.rate_Hz for n in ring.marks] if ring and stream else [],

@@ -34,6 +34,8 @@ HEAT = np.dtype(
         ("rotor2_A2s", "f8"),
         ("iron_J", "f8"),
         ("now_A", "f8", (2,)),
+        ("winding_degC", "f8"),  # of the hottest part, and of the frame: for a record
+        ("frame_degC", "f8"),
     ]
 )
 
@@ -114,9 +116,11 @@ class Bodies:
         if hasattr(p, "rr_ohm"):
             changed["rr_ohm"] = warmer(p.rr_ohm, self.frame_degC, self._values["ohm_degC"])
             self._m.heat.rr_ohm = changed["rr_ohm"]
+        self._m.heat.winding_degC = self.winding_degC.max()
+        self._m.heat.frame_degC = self.frame_degC
         made = self._make(replace(p, **changed))
         for name in names_of(made.dtype):
-            if name != "heat":
+            if name not in ("heat", "inertia"):  # a brake may hold the shaft
                 self._m[name] = made[name]
 
     def _step(self, time_s: float) -> np.ndarray:

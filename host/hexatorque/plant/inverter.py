@@ -25,7 +25,9 @@ import numpy as np
 
 from .breaks import COMING
 from .compiled import compiled, source_hash
-from .legs import BLOCKED, BREAK, HIGH, LOW, LOWER, OFF, OPEN, UPPER, WHOLE
+from .elementary import tanh
+from .junctions import JUNCTIONS, commutate
+from .legs import BLOCKED, BREAK, DROPS, HIGH, LOW, LOWER, OFF, OPEN, UPPER, WHOLE
 from .link import (
     LINK,
     LINK_KEYS,
@@ -139,6 +141,9 @@ INVERTER = np.dtype(
         ("coming", COMING),
         ("devices", DEVICES),
         ("link", LINK),
+        ("junctions", JUNCTIONS),
+        ("brake_Nm", "f8"),  # what the shaft's brake holds: for a record
+        ("more", "i8"),  # whether a record has `loop.MORE_CHANNELS`
         ("transform", "f8", (4, 6)),  # leg voltages to alpha, beta, x, y: how the leads are
         ("star", "i8", (6,)),  # the star point behind each leg, 0 or 1
         ("v_leg", "f8", (6,)),  # leg voltages against the negative rail
@@ -153,10 +158,6 @@ INVERTER = np.dtype(
         ("i", "f8", (4,)),
     ]
 )
-
-
-#: Conduction drops, as `inverter_record` and the set-up's section name them.
-DROPS = ("v_switch_V", "v_diode_V", "r_switch_ohm", "r_diode_ohm")
 
 
 def inverter_record(
@@ -213,6 +214,8 @@ def set_leg(inv, m, y, leg, state):
     if state == OFF and inv.leg[leg] != OFF:
         i = phase_current(m, y, leg)
         inv.diode[leg] = 1 if i > 0.0 else (-1 if i < 0.0 else 0)
+    if inv.junctions.on != 0:
+        commutate(inv, leg, inv.leg[leg], state, phase_current(m, y, leg))
     inv.off += int(state == OFF) - int(inv.leg[leg] == OFF)
     inv.leg[leg] = state
 
@@ -359,7 +362,7 @@ def _subtract_drops(inv, m, y, vdc):
             rail = vdc if state == HIGH else 0.0
             # Beyond 20 times the knee the nearest number to the hyperbolic tangent is 1.
             share = (
-                np.tanh(i / inv.devices.knee_A)
+                tanh(i / inv.devices.knee_A)
                 if abs(i) < 20.0 * inv.devices.knee_A
                 else np.copysign(1.0, i)
             )

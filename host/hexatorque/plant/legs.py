@@ -1,6 +1,8 @@
 """States of a leg of the inverter, and what can be broken in it."""
 
 LOW, HIGH, OFF = 0, 1, 2
+#: Conduction drops of switches and diodes, as the set-up's section [inverter] names them.
+DROPS = ("v_switch_V", "v_diode_V", "r_switch_ohm", "r_diode_ohm")
 
 #: What is broken, by number: nothing; winding, cable or fuse, so that no current flows; both
 #: switches stay off and their diodes remain; the upper or the lower switch alone stays off.

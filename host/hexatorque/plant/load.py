@@ -7,19 +7,24 @@ from functools import lru_cache
 
 import numpy as np
 
+from .brake import HOLDING
 from .compiled import compiled
+from .elementary import tanh
 from .load_kinds import BRAKE, CONSTANT, FAN, FRICTION, GENERATOR, LOADS
 from .record import names_of, record
 
 #: The sum of all terms.
 LOAD = np.dtype(
     [
-        ("constant_Nm", "f8"),
+        ("constant_Nm", "f8"),  # the load's own and the holding brake's
+        ("hanging_Nm", "f8"),
+        ("braking_Nm", "f8"),
         ("linear_Nms", "f8"),
         ("quadratic_Nms2", "f8"),
         ("dry_Nm", "f8"),  # opposes motion
         ("eddy_Nm", "f8"),  # peak of an eddy-current brake
         ("eddy_rad_s", "f8"),  # speed of that peak, > 0
+        ("brake", HOLDING),
     ]
 )
 
@@ -31,7 +36,8 @@ EDDY_PEAK = 1.5
 
 @lru_cache(16)
 def load_record(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
-    """A load that takes `torque_Nm` at `at_rpm`; a constant load takes it at any speed."""
+    """A load that takes `torque_Nm` at `at_rpm`; a constant load takes it at any speed. There is no
+    holding brake. Not to be changed: others use the same record."""
     made = record(LOAD, **dict.fromkeys(names_of(LOAD), 0.0))
     set_load(made, LOADS.index(kind), torque_Nm, at_rpm)
     return made
@@ -40,7 +46,8 @@ def load_record(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
 def set_load(load, kind, torque_Nm, at_rpm):
     """The terms of a load of the kind LOADS[kind]."""
     w = at_rpm * math.pi / 30
-    load.constant_Nm = torque_Nm if kind == CONSTANT else 0.0
+    load.hanging_Nm = torque_Nm if kind == CONSTANT else 0.0
+    load.constant_Nm = load.hanging_Nm + load.braking_Nm
     load.linear_Nms = torque_Nm / w if kind == GENERATOR else 0.0
     load.quadratic_Nms2 = torque_Nm / (w * w) if kind == FAN else 0.0
     load.dry_Nm = torque_Nm / math.tanh(w / DRY_RAD_S) if kind == FRICTION else 0.0
@@ -54,7 +61,7 @@ def load_torque(load, omega):
     """Torque that the load takes at `omega` (mechanical rad/s)."""
     torque = load.constant_Nm + omega * (load.linear_Nms + load.quadratic_Nms2 * abs(omega))
     if load.dry_Nm != 0.0:
-        torque += load.dry_Nm * np.tanh(omega / DRY_RAD_S)
+        torque += load.dry_Nm * tanh(omega / DRY_RAD_S)
     if load.eddy_Nm != 0.0:
         s = omega / load.eddy_rad_s
         torque += load.eddy_Nm * 2.0 * s / (1.0 + s * s)

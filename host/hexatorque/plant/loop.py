@@ -21,13 +21,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import uint64
 
+from .brake import command_brake, settle_brake
 from .breaks import push_breaks
 from .compiled import compiled, source_hash
 from .gates import suppress_short_pulses
 from .heat import add_heat
 from .inverter import advance, keep, put_back, set_leg, to_rails
-from .link import link_V
+from .junctions import add_conduction
+from .link import LINE_A, V, link_V, source_A
 from .machine import rk4_step, rk4_two_steps, stator_currents, torque_Nm
+from .pins import high
 from .pwm import pwm_segment
 from .sensors import filter_currents, sample
 
@@ -45,6 +48,14 @@ PLANT_CHANNELS = (
     ("gates", ""),
 )
 
+#: More columns, which a record has only if the set-up has what they tell of: of the link, ...
+LINK_CHANNELS = (("link_V", "V"), ("source_A", "A"), ("line_A", "A"))
+#: of the machine's temperatures, of the devices', ...
+HEAT_CHANNELS = (("winding_degC", "degC"), ("frame_degC", "degC"))
+DEVICE_CHANNELS = (("junction_degC", "degC"), ("sink_degC", "degC"))
+#: and what the holding brake holds.
+BRAKE_CHANNELS = (("brake_Nm", "N m"),)
+MORE_CHANNELS = (*LINK_CHANNELS, *HEAT_CHANNELS, *DEVICE_CHANNELS, *BRAKE_CHANNELS)
 
 #: Longest integration step. The error of the phase currents falls with its fourth power
 #: and is 9e-8 of their amplitude at most here (docs/model.md, "Measured errors"): the
@@ -118,6 +129,15 @@ def _record(row, m, inv, y, i):
         # Two bits a leg: 0 low, 1 high, 2 off.
         gates = gates * 4 + inv.leg[leg]
     row[9] = gates
+    if inv.more != 0:
+        row[10] = inv.link.x[V]
+        row[11] = source_A(inv.link)
+        row[12] = inv.link.x[LINE_A]
+        row[13] = m.heat.winding_degC
+        row[14] = m.heat.frame_degC
+        row[15] = inv.junctions.hottest_degC
+        row[16] = inv.junctions.sink_degC
+        row[17] = inv.brake_Nm
 
 
 #: After the last sample of a period. No count is as late.
@@ -152,6 +172,7 @@ def _compile_follow(source: int):
         trial1 = inv.kept.y[:]  # `keep` uses it where `advance` is called
         known = False  # whether inv.v belongs to the legs
         ideal = inv.devices.drops == 0 and inv.link.on == 0
+        inv.junctions.vdc_V = vdc
         now = c0
         tick = instants[k]
         e = 0
@@ -210,6 +231,10 @@ def _compile_follow(source: int):
                 advance(inv, m, load, y, dt, vdc)
             if m.heat.on != 0:
                 add_heat(m, y, dt)
+            if load.brake.torque_Nm > 0.0:
+                settle_brake(inv, m, load, y)
+            if inv.junctions.on != 0:
+                add_conduction(inv, m, y, dt)
             if se.i_filter_rad_s > 0.0:
                 filter_currents(se, m, y, dt)
             now = stop
@@ -249,7 +274,7 @@ def _compile_run_periods(source: int):
         """
         if not source:
             return logged
-        inv = plant.inverter
+        inv, load = plant.inverter, plant.load
         pm, ps, gd, regs = chip.map, chip.pwm, chip.gates, chip.registers
         instants, plant_out, edges = samples.instants, samples.plant, samples.edges
         width = samples.channels.shape[1] * 4
@@ -271,12 +296,16 @@ def _compile_run_periods(source: int):
             fast_isr(handle)
             if (first + period) % tm.slow_every == 0:
                 slow_isr(handle)
+            if inv.link.precharge_ohm > 0.0:
+                inv.link.bridged = high(inv.link.relay, regs)
+            if inv.link.chopper.level > 0:
+                inv.link.chops = high(inv.link.chopper, regs)
+            if load.brake.torque_Nm > 0.0:
+                told = high(load.brake.pin, regs)
+                command_brake(inv, plant.machine, load, plant.y, told, tm.period / tm.clock_Hz)
             if width > 0:
                 read_channels(handle, target)
                 target += uint64(width)
-            if inv.link.chopper_word > 0:
-                chops = regs[inv.link.chopper_word] >> inv.link.chopper_bit & 1
-                inv.link.chops = np.int64(chops)
             done = count
             count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, done)
             if gd.min_counts > 0:

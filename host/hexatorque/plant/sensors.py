@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .compiled import compiled
+from .elementary import cos, exp, expm1, log
 from .machine import phase_current
 from .record import record
 from .wires import ENCODER_WIRES
@@ -157,7 +158,7 @@ def _uniform(se):
 @compiled
 def _normal(se):
     """A random number, standard normal, by Box and Muller's method."""
-    return np.sqrt(-2.0 * np.log(_uniform(se))) * np.cos(TWO_PI * _uniform(se))
+    return np.sqrt(-2.0 * log(_uniform(se))) * cos(TWO_PI * _uniform(se))
 
 
 @compiled(inline="always")
@@ -233,8 +234,8 @@ def filter_currents(se, m, y, dt):
     """Advance the current filters over the dt that ended at state y. A first-order lag
     tau di_f/dt = i - i_f, exact for currents that are straight lines over dt."""
     x = se.i_filter_rad_s * dt
-    decay = np.exp(-x)
-    mean = -np.expm1(-x) / x  # mean of the decay over dt
+    decay = exp(-x)
+    mean = -expm1(-x) / x  # mean of the decay over dt
     for leg in range(6):
         i = phase_current(m, y, leg)
         behind = (se.i_filtered_A[leg] - se.i_last_A[leg]) * decay

@@ -15,9 +15,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from . import elementary
+
 PHASES = ("u1", "u2", "w1", "w2", "v1", "v2")
 #: Phases of each winding set, which its own neutral joins.
 SETS = ((0, 2, 4), (1, 3, 5))
+
+
+#: exp(j angle) of one angle, without the compiler: for what is made once.
+exp_j = elementary.turned.py_func
 
 
 def angles_rad(displacement_deg: float = 30.0) -> np.ndarray:
@@ -34,7 +40,8 @@ def transform(displacement_deg: float = 30.0) -> np.ndarray:
     angles = angles_rad(displacement_deg)
     # conj(s1 - s2). At 30 degrees these are five times the phases' angles, as both papers have it.
     turned = 5 * angles if displacement_deg == 30 else np.pi * _SET2 - angles
-    return np.array([np.cos(angles), np.sin(angles), np.cos(turned), np.sin(turned)]) / 3
+    rows = [[exp_j(angle) for angle in each] for each in (angles, turned)]
+    return np.array([part for row in rows for part in (np.real(row), np.imag(row))]) / 3
 
 
 #: The asymmetrical winding's.

@@ -96,7 +96,7 @@ class Recording:
         return f"<Recording: {samples}, {len(self.channels)} channels>"
 
     def __str__(self) -> str:
-        """What is in it, in a few lines."""
+        """Its content in a few lines."""
         first = f"{self.duration_s:.4g} s from {self.start_s:.4g} s on"
         lines = [f"{first}: {len(self)} samples at {self.rate_Hz:g} Hz"]
         channels = textwrap.fill(
@@ -266,7 +266,7 @@ class Recording:
 
 
 def _quantity(name: str) -> str:
-    """What a channel is of: its name without prefix and unit."""
+    """The quantity of a channel: its name without prefix and unit."""
     return name.removeprefix(TRUE).rpartition("_")[0]
 
 

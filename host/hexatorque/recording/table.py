@@ -188,7 +188,7 @@ class Table:
         return next(number for n, (number, _) in enumerate(self.rows()) if n == row)
 
     def name(self, column: int) -> str:
-        """How messages call a column."""
+        """The name of a column in messages."""
         return self.names[column] or f"column {self.first + column + 1}"
 
     def _one_by_one(self, kinds: list[str], strict: bool) -> list[np.ndarray | None]:

@@ -70,7 +70,7 @@ def _probe(line: port.Line, bauds: tuple[int, ...], quick: bool) -> int:
 
 
 def _heard(came: bytes, sent: bytes) -> str:
-    """What came instead of a reply, for the end of a line."""
+    """The bytes that came instead of a reply, for the end of a line."""
     if not came:
         return ""
     if sent.strip(b"\0") in came:

@@ -379,7 +379,7 @@ def parse_row(
 
 
 class Additions(NamedTuple):
-    """What boards say since version 2.1. A board of version 2.0 says none of it."""
+    """The row of additions, since version 2.1. A board of version 2.0 has none."""
 
     minor: int = 0
     states: tuple[int, ...] = ()  #: flags of each state
@@ -430,7 +430,7 @@ def parse_fault_words(payload: bytes) -> FaultWords:
 
 
 class Counters(NamedTuple):
-    """What a drive has counted since it was made. Peaks are what the board's background saw."""
+    """A drive's counters since it was made. Peaks are those that the board's background saw."""
 
     kept: bool  #: over a power-off
     events: int  #: in the log

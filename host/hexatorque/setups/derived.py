@@ -102,12 +102,32 @@ class Known(Design):
         return self._values[name]
 
 
+#: With inverter.precharge_ohm.
+PRECHARGE = {
+    "precharge_V": Rule("0.8 of the source's voltage", lambda k: 0.8 * k.setup["inverter.vdc_V"]),
+}
+#: With load.holding_Nm: the drive waits a little longer than the brake takes.
+BRAKE = {
+    "brake_open_s": Rule(
+        "1.2 of load.holding_open_s + 10 ms", lambda k: 1.2 * k.setup["load.holding_open_s"] + 0.01
+    ),
+    "brake_close_s": Rule(
+        "1.2 of load.holding_close_s + 10 ms",
+        lambda k: 1.2 * k.setup["load.holding_close_s"] + 0.01,
+    ),
+}
+
+
 def rules_of(setup: Values) -> dict[str, Rule]:
     """The rules in force, by parameter."""
     told, designed = ALWAYS, OPEN
     if "psi_f_Wb" in constants_of(setup["machine.model"]):
         told = {**{k: r for k, r in ALWAYS.items() if k not in OF_A_WINDING}, **ALWAYS_MAGNET}
         designed = {**{k: r for k, r in OPEN.items() if k not in OF_A_WINDING}, **OPEN_MAGNET}
+    if setup["inverter.precharge_ohm"] > 0:
+        told = {**told, **PRECHARGE}
+    if setup["load.holding_Nm"] > 0:
+        told = {**told, **BRAKE}
     return {**told, **designed} if setup.defaults == "derived" else told
 
 
@@ -268,7 +288,7 @@ def _stiff_Hz(k: Known) -> float:
 
 
 def _tag(k: Known, name: str) -> str:
-    """Where a value of the machine is from."""
+    """The source of a value of the machine."""
     given = k.setup.values["machine"].get(name)
     return given.tag if given else ""
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from ..chips import number_of
 from ..plant.machines import DISPLACEMENTS_DEG, parameters_of
+from ..plant.rectifier import RECTIFIED_PEAK
 from .values import Values
 
 #: Length of the mean vector of three large vectors, and the circle inside the polygon of these
@@ -49,6 +50,12 @@ class Demand(NamedTuple):
     speed_rpm: float
     load_Nm: float
     vdc_V: float
+
+
+def highest_source_V(setup: Values) -> float:
+    """To which the link's source charges a capacitor without a load, the profile's steps too."""
+    highest = max([setup["inverter.vdc_V"], *(volts for _, volts in setup.profile.vdc_V)])
+    return highest * (RECTIFIED_PEAK if setup["inverter.line_Hz"] > 0 else 1.0)
 
 
 class Design:
@@ -137,7 +144,7 @@ class Design:
 
     @cached_property
     def asked(self) -> list[Demand]:
-        """What is asked for together, with a load: the point and each moment of the profile."""
+        """The demands that come together, with a load: the point and each moment of the profile."""
         profile = self.setup.profile
         courses = ((profile.speed_rpm, 0.0), (profile.load_Nm, 0.0), (profile.vdc_V, self.vdc_V))
         together = [
@@ -219,7 +226,7 @@ class Design:
         return self.machine.most_torque_Nm(omega, self.flux_Wb, voltage_V, most_A, PULL_OUT_SHARE)
 
     def runaway_rpm(self, corner_rad_s: float) -> float:
-        """How far the speed rises when the rated load drops. The speed loop with k_p = J w and
+        """The rise of the speed when the rated load drops. The speed loop with k_p = J w and
         k_i = k_p w/4 has a double pole at w/2, so the rise is (T/J) t exp(-w t/2), and largest at
         t = 2/w."""
         return rpm(2 / math.e * self.rated_Nm / (self.machine.inertia_kgm2 * corner_rad_s))
@@ -241,19 +248,21 @@ class Design:
 
     @cached_property
     def links_V(self) -> list[float]:
-        """The voltages of the source, those of the profile too."""
-        return [self.vdc_V, *(volts for _, volts in self.setup.profile.vdc_V)]
+        """The voltages of the source, those of the profile too, and that of a link that a rectifier
+        charges without a load."""
+        volts = [self.vdc_V, *(volts for _, volts in self.setup.profile.vdc_V)]
+        return [*volts, highest_source_V(self.setup)]
 
     @property
     def period_s(self) -> float:
         return 1 / self.parameter("f_isr_Hz")
 
     def flux_step_Wb(self, period_s: float, vector_pu: float = VECTOR_PU) -> float:
-        """How far one period of an active vector moves the stator flux."""
+        """The step of the stator flux in one period of an active vector."""
         return vector_pu * self.vdc_V * period_s
 
     def torque_step_Nm(self, period_s: float, vector_pu: float = VECTOR_PU) -> float:
-        """How far one period moves the torque at standstill."""
+        """The step of the torque in one period at standstill."""
         step_Wb = self.flux_step_Wb(period_s, vector_pu)
         return self.machine.torque_step_Nm(self.steady_Wb, step_Wb)
 
@@ -264,7 +273,7 @@ class Design:
 
     @property
     def align_step_A(self) -> float:
-        """How far the current that aligns magnets goes beyond its limit. The modulator, which needs
+        """The overshoot of the current that aligns magnets. The modulator, which needs
         shadow load, holds it; else whole periods of a vector make it."""
         step_Wb = self.flux_step_Wb(self.period_s)
         return step_Wb / self.machine.ld_H if self.parameter("load_mode") == "immediate" else 0.0

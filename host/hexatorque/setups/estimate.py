@@ -64,7 +64,7 @@ class Example:
 
 
 def example(machine: Machine, iron: float, friction: float) -> Example:
-    """What is not printed follows from the circuit, with these shares of the losses."""
+    """Missing values follow from the circuit, with these shares of the losses."""
     power_W, speed_rpm = 1e3 * machine.power_kW, machine.speed_rpm
     synchronous_rpm = 60 * machine.frequency_Hz / machine.pole_pairs
     slip = 1 - speed_rpm / synchronous_rpm
@@ -303,7 +303,7 @@ def ratios(one: Example, of: Typical) -> Iterable[tuple[bool, dict[str, float]]]
 
 @dataclass(frozen=True)
 class Spread:
-    """What to divide and to multiply an estimate by for its range, by name and by whether the power
+    """Factors below and above an estimate for its range, by name and by whether the power
     factor was told; and the same of the inertia, with the rated speed told, and of a rated speed
     that follows from the circuit."""
 
@@ -313,7 +313,8 @@ class Spread:
 
     @property
     def untold_inertia(self) -> float:
-        """Of the inertia, which goes with the square of the speed. Both errors by chance."""
+        """The range of the inertia, which goes with the square of the speed. Both errors are
+        chance."""
         return math.exp(math.hypot(math.log(self.inertia), 2 * math.log(self.speed)))
 
 

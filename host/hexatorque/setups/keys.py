@@ -28,7 +28,8 @@ LATENCIES = ("none", "immediate", "shadow", "predicted")
 class Key:
     """One quantity of a set-up."""
 
-    #: "number", "integer", "phases" (six numbers), "harmonics" (four), "choice"; a profile's too
+    #: "number", "integer", "phases" (six numbers), "harmonics", "pairs" (four each), "choice"; a
+    #: profile's too
     kind: str
     help: str
     unit: str = ""
@@ -46,6 +47,10 @@ def _n(help: str, unit: str, low: float, high: float, default: float | None = No
 
 def _six(help: str, unit: str, low: float, high: float, default: float = 0.0) -> Key:
     return Key("phases", help, unit, low, high, default=(default,) * 6)
+
+
+def _four(help: str, unit: str, low: float, high: float, default: tuple[float, ...]) -> Key:
+    return Key("pairs", help, unit, low, high, default=default)
 
 
 #: Largest dc-link voltage: 13.8 kV machines, with the sensors' range above it. Largest speed:
@@ -124,6 +129,21 @@ KEYS: dict[str, dict[str, Key]] = {
         "link_F": _n("capacitor of the dc link, fed from vdc_V; 0: a stiff link", "F", 0, 10, 0.0),
         "source_ohm": _n("resistance of the link's source", "ohm", 1e-4, 1e3, 0.1),
         "source_H": _n("inductance of the link's source", "H", 0, 1, 0.0),
+        "line_Hz": _n(
+            "the source is a six-pulse rectifier on a line of this frequency with source_ohm and "
+            "source_H each; vdc_V is its mean, 1.35 times the line-to-line voltage; 0: direct",
+            "Hz",
+            0,
+            1e3,
+            0.0,
+        ),
+        "precharge_ohm": _n(
+            "resistor that charges the link until the drive's relay bridges it, 0: none",
+            "ohm",
+            0,
+            1e5,
+            0.0,
+        ),
         "chopper_ohm": _n("resistance of the braking chopper, 0: none", "ohm", 0, 1e5, 0.0),
         "chopper_on_V": _n(
             "the chopper comes on at this voltage, 0: with the drive's output", "V", 0, MOST_V, 0.0
@@ -207,6 +227,15 @@ KEYS: dict[str, dict[str, Key]] = {
     "load": {
         "kind": Key("choice", "torque against speed", choices=LOADS, default="constant"),
         "at_rpm": _n("speed at which the load takes the stated torque", "r/min", 1, 1e5, 1000.0),
+        "holding_Nm": _n(
+            "torque of a holding brake that the drive opens, 0: none",
+            "N m",
+            0,
+            MOST_NM,
+            0.0,
+        ),
+        "holding_open_s": _n("delay with which it opens", "s", 0, 10, 0.1),
+        "holding_close_s": _n("delay with which it closes", "s", 0, 10, 0.1),
     },
     "heat": {
         "winding_K_W": _n(
@@ -221,6 +250,24 @@ KEYS: dict[str, dict[str, Key]] = {
         "frame_s": _n("thermal time constant of the frame", "s", 0.01, 1e6, 1800.0),
         "ambient_degC": _n("ambient temperature, and the machine's", "degC", -50, 150, 40.0),
         "ohm_degC": _n("temperature at which rs_ohm and rr_ohm are stated", "degC", -50, 250, 20.0),
+        "switch_K_W": _four(
+            "thermal resistances of a switch from junction to heat sink, as a Foster chain; these "
+            "and diode_K_W all 0: no temperatures of devices",
+            "K/W",
+            0,
+            1e3,
+            (0.0,) * 4,
+        ),
+        "switch_s": _four("their time constants", "s", 1e-5, 1e4, (1e-3, 1e-2, 0.1, 1.0)),
+        "diode_K_W": _four("the same of a diode", "K/W", 0, 1e3, (0.0,) * 4),
+        "diode_s": _four("their time constants", "s", 1e-5, 1e4, (1e-3, 1e-2, 0.1, 1.0)),
+        "sink_K_W": _n("thermal resistance from the heat sink to the ambient", "K/W", 0, 1e3, 0.0),
+        "sink_s": _n("thermal time constant of the heat sink", "s", 0.01, 1e6, 300.0),
+        "devices_degC": _n("temperature at which the drops are stated", "degC", -50, 250, 25.0),
+        "switch_V_per_K": _n("relative change of v_switch_V", "1/K", -0.02, 0.02, -1e-3),
+        "switch_ohm_per_K": _n("relative change of r_switch_ohm", "1/K", -0.02, 0.02, 4e-3),
+        "diode_V_per_K": _n("relative change of v_diode_V", "1/K", -0.02, 0.02, -2e-3),
+        "diode_ohm_per_K": _n("relative change of r_diode_ohm", "1/K", -0.02, 0.02, 2e-3),
         "time_lapse": _n("temperatures change so many times as quickly", "", 1, 1e5, 1.0),
     },
     "rated": {
@@ -280,8 +327,11 @@ ZERO_OR_AT_LEAST = {
     "machine.psi_knee_Wb": ("linear", 1e-3),  # smaller ones overflow the power law
     "inverter.link_F": ("a stiff link", 1e-6),
     "inverter.source_H": ("none", 1e-7),
+    "inverter.line_Hz": ("a direct source", 1.0),
+    "inverter.precharge_ohm": ("none", 1e-3),
     "heat.winding_K_W": ("no temperatures", 1e-5),
     "inverter.chopper_ohm": ("none", 1e-3),
+    "load.holding_Nm": ("none", 1e-3),
     "rated.torque_Nm": ("not known", 1e-4),
     "rated.speed_rpm": ("not known", 1e-2),
     "rated.current_A": ("not known", 1e-3),
@@ -300,7 +350,11 @@ PROFILE: dict[str, Key] = {
     "load_Nm": Key("steps", "load torque", "N m", -MOST_NM, MOST_NM),
     "vdc_V": Key("steps", "dc-link voltage; with link_F that of its source", "V", 0, MOST_V),
     "set": Key("entries", "parameters in flight: [[time_s, name, value], ...]"),
-    "command": Key("entries", "[[time_s, stop or start], ...]; the drive is started at time 0"),
+    "command": Key(
+        "entries",
+        "[[time_s, stop or start], ...]; the drive is started at time 0 unless the first one is a "
+        "start",
+    ),
     "broken": Key("entries", "legs that break: [[time_s, phase, kind], ...]"),
     "samples_per_period": Key("samples", "samples of the plant per control period"),
 }

@@ -41,8 +41,8 @@ def load(name_or_path: str | Path) -> Setup:
 
 
 def beside(name: str, folder: Path, builtin: Callable[[], list[str]] = builtin_names) -> str:
-    """What a file in this folder calls by this name: a built-in set-up, or what else is built in,
-    or a file."""
+    """The thing that a file in this folder calls by this name: a built-in set-up, or another
+    built-in one, or a file."""
     path = folder / name
     is_file = name not in builtin() and (path.suffix or path.exists())
     return str(path) if is_file else name
@@ -53,7 +53,7 @@ def builtin_text(name: str) -> str:
 
 
 def text_of(path: Path) -> str:
-    """What a set-up's file says."""
+    """The content of a set-up's file."""
     if not path.suffix and not path.exists():
         raise SetupError(f"no set-up {str(path)!r}{suggest(str(path), builtin_names())}")
     try:

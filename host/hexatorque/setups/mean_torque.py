@@ -48,8 +48,8 @@ class Held:
 
 
 def held(d: Design, controller: Controller, speed_rpm: float, load_Nm: float) -> Held:
-    """What the controller's switching table makes of the reference with which it holds this load at
-    this speed."""
+    """The mean torque of the controller's switching table with the reference that holds this load
+    at this speed."""
     seen, words, vectors = _followed(d, controller, speed_rpm, load_Nm)
     torque_Nm, asked_Nm = (sum(values) / len(seen) for values in zip(*seen))
     error_Nm = torque_Nm - asked_Nm

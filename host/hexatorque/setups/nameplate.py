@@ -46,7 +46,7 @@ class ThreePhase(SetupError):
 
 @dataclass(frozen=True)
 class Assumed:
-    """What a plate does not say, and between which values it usually lies."""
+    """A value that is missing on a plate, and its usual range."""
 
     value: float
     low: float
@@ -88,7 +88,7 @@ class Nameplate:
         return 1e3 * self.power_kW / (2 * SQRT_3 * self.voltage_V * self.current_A)
 
     def told(self, **more: float) -> str:
-        """What every plate says, and `more`, as `hexatorque new --nameplate` takes it."""
+        """The values of every plate, and `more`, as `hexatorque new --nameplate` takes it."""
         values = {
             "power_kW": self.power_kW,
             "voltage_V": self.voltage_V,

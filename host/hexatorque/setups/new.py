@@ -136,7 +136,7 @@ def read(text: str, keys: dict[str, Key]) -> dict[str, Any]:
 
 
 def value(name: str, word: str, key: Key) -> Any:
-    """What a word says. SetupError if that cannot be."""
+    """The value of a word. SetupError if that cannot be."""
     if key.kind == "choice":
         chosen = choice(word, key.choices)
         if chosen not in key.choices:

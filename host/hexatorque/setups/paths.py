@@ -80,7 +80,7 @@ def unknown_key(section: str, key: str) -> str:
 
 
 def _meant(key: str) -> str:
-    """Where a key without its section may belong."""
+    """The sections to which a key without its section may belong."""
     names = {name.lower() for section in WITH_PATHS for name in keys(section)}
     close = difflib.get_close_matches(key.lower(), names, 1)
     found = [path for path in every() if close and path.partition(".")[2].lower() == close[0]]

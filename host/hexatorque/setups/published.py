@@ -124,7 +124,7 @@ def through(points: Iterable[tuple[float, float]]) -> Line:
 
 
 def factor_of(errors: Iterable[float], held: float = HELD) -> float:
-    """What to divide and to multiply an estimate by, for a range that holds this share, from the
+    """Factors below and above an estimate for a range that holds this share, from the
     ratios of estimate and truth of other machines."""
     sizes = sorted(abs(math.log(error)) for error in errors)
     return math.exp(sizes[math.ceil(held * len(sizes)) - 1])

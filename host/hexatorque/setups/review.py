@@ -263,7 +263,7 @@ def _too_resistive(d: Design, side: str, ohm: float) -> str:
 
 
 def _as_built(d: Design) -> Iterator[Finding]:
-    """What no tuning changes: the drive must believe what the machine has."""
+    """A finding that no tuning changes: the drive must know the machine's value."""
     for name in ("pole_pairs", "displacement_deg"):
         believed, true = float(d.parameter(name)), getattr(d.unsaturated, name)
         yield at_most(
@@ -376,8 +376,8 @@ def mean_torque_says(findings: Iterable[Finding]) -> str:
 def outcome(
     findings: Iterable[Finding], schemes: Iterable[str], own: str, name: str, first: str = ""
 ) -> Outcome:
-    """What follows for these schemes. own: the set-up's scheme; name: the set-up, as a command
-    line has it; first: the best scheme of all, if one is ready."""
+    """The findings' consequence for these schemes. own: the set-up's scheme; name: the set-up, as a
+    command line has it; first: the best scheme of all, if one is ready."""
     findings, schemes = list(findings), list(schemes)
     bad = [f for f in findings if f.verdict == "bad"]
     again = f"then hexatorque check {name}"
@@ -434,7 +434,7 @@ def _rated_degC(d: Design) -> float:
 
 
 def _fits(d: Design) -> Iterator[Finding]:
-    """What goes beyond the firmware's own demands, which every set-up meets (`Setup`)."""
+    """Demands beyond the firmware's own, which every set-up meets (`Setup`)."""
     p, setup = d.parameter, d.setup
     yield at_least(
         "vdc_max_V above the link", p("vdc_max_V"), 1.05 * max(d.links_V), "V",
@@ -480,8 +480,8 @@ MORE_RANGE = "give the sensors more range (sensors.i_full_A)"
 
 
 def _more_current(d: Design, needed_A: Callable[[Design], float]) -> str:
-    """What makes room for a trip of so much: the trip itself as far as the sensors' range allows.
-    Other values follow the trip, so what is needed may grow with it."""
+    """The change that makes room for a trip of so much: the trip itself as far as the sensors'
+    range allows. Other values follow the trip, so what is needed may grow with it."""
     trip_A, full_A = d.parameter("i_trip_A"), d.parameter("i_full_A")
     most_A = min(I_TRIP_SHARE, 1 - d.parameter("comparator_above_pu")) * full_A
     if needed_A(d) <= trip_A:
@@ -512,7 +512,7 @@ def _rated_current_A(d: Design) -> float:
 
 
 def _flux_step_A(d: Design) -> float:
-    """What a period adds to the current."""
+    """The step of the current in a period."""
     return d.flux_step_Wb(d.period_s) / d.machine.least_H
 
 
@@ -529,7 +529,7 @@ def _limit_A(d: Design) -> float:
 
 
 def _currents_of_torque(d: Design) -> Iterator[Finding]:
-    """Of rated torque and of the torque limit."""
+    """The findings about rated torque and torque limit."""
     trip_A, rated_A = d.parameter("i_trip_A"), d.current_A(d.rated_Nm)
     yield at_most(
         "current at rated torque", rated_A, 0.8 * trip_A, "A",
@@ -839,7 +839,7 @@ def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
 
 
 def _of_pulses(d: Design, c: Controller, changed: Changed, where: str) -> Iterator[Finding]:
-    """What the shortest gate pulse takes from the voltage, and the torque that it moves."""
+    """Voltage that the shortest gate pulse takes, and torque that it moves."""
     fits = f"lower controller.min_pulse_us: up to {changed.most_us:.3g} us fit"
     if changed.most_us < c.parameters["min_pulse_us"].min:
         fits = "the board's pulses are too long for this"
@@ -900,8 +900,8 @@ def _single_xy_A(d: Design, step_A: float) -> float:
 
 
 def _induced_xy_A(d: Design, impedance_ohm: float) -> float:
-    """What the fifth harmonic of the magnets drives through x-y at rated speed. It may be there
-    where it is not told."""
+    """The current that the magnets' fifth harmonic drives through x-y at rated speed. It may be
+    there where it is not told."""
     if not d.magnets:
         return 0.0
     share = max(d.machine.emf_share[:2]) or UNTOLD_EMF
@@ -942,7 +942,7 @@ def _reach(d: Design, row: Any, by_table: bool) -> Iterator[Finding]:
 
 
 def _refused(setup: Setup, findings: list[Finding]) -> Iterator[Finding]:
-    """What the firmware itself says to the parameters, if no finding has said it already."""
+    """The firmware's own objections to the parameters, if no finding has them already."""
     from .. import firmware
 
     try:

@@ -1,4 +1,4 @@
-"""What a set-up's file may hold, as pydantic has it: checks, and a JSON Schema for editors.
+"""The schema of a set-up's file for pydantic: checks, and a JSON Schema for editors.
 
 The types are made from the tables of quantities, `keys.KEYS` and the firmware's parameters.
 pydantic does the checking; what it finds is said in one line that names the key, its value and
@@ -145,6 +145,7 @@ _KINDS = {
     "integer": _number,
     "choice": _choice,
     "phases": _numbers(6, "six numbers are needed (u1 u2 w1 w2 v1 v2)"),
+    "pairs": _numbers(4, "four numbers are needed"),
     "harmonics": _numbers(4, "four numbers are needed (orders 5 7 11 13)"),
 }
 
@@ -428,7 +429,7 @@ def _required(section: str, model: str) -> dict[str, Any]:
 
 
 def _required_of_machine(usual: str) -> dict[str, Any]:
-    """What is needed of the section depends on its model."""
+    """The keys that the section needs depend on its model."""
     needs = _required("machine", usual)
     for model in MODELS:
         if model != usual:

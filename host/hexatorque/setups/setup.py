@@ -8,8 +8,10 @@ from functools import cached_property
 from typing import Any
 
 from ..given import pairs
+from ..plant.legs import DROPS
 from ..plant.machines import constants_of
 from . import derived, paths, to_parameters
+from .design import highest_source_V
 from .keys import KEYS, MODEL, ZERO_OR_AT_LEAST, foreign
 from .values import Profile, SetupError, Value
 
@@ -105,7 +107,7 @@ class Setup:
         if lines := (
             inconsistent(result)
             or to_parameters.refused(result)
-            or to_parameters.load_before_flux(result)
+            or to_parameters.beside_the_plant(result)
         ):
             raise SetupError("\n".join(lines))
         return result
@@ -203,13 +205,21 @@ _HEAT_S = 0.05
 
 def _heat_lines(setup: Setup) -> list[str]:
     """The same about temperatures: so quick a time lapse would leave them behind the currents."""
+    lines = []
+    chains = [key for key in ("switch_K_W", "diode_K_W") if any(setup[f"heat.{key}"])]
+    heats = (*(f"inverter.{key}" for key in DROPS), "inverter.e_on_mJ", "inverter.e_off_mJ")
+    if chains and not any(setup[path] for path in heats):
+        lines.append(
+            f"heat.{chains[0]} needs one of {', '.join(heats)} above 0: else nothing heats a device"
+        )
     shortest_s = min(setup["heat.winding_s"], setup["heat.frame_s"])
     most = shortest_s / _HEAT_S
     if setup["heat.winding_K_W"] == 0 or setup["heat.time_lapse"] <= most:
-        return []
+        return lines
     return [
+        *lines,
         f"heat.time_lapse = {setup['heat.time_lapse']:g}: allowed is up to {most:g} with a "
-        f"thermal time constant of {shortest_s:g} s"
+        f"thermal time constant of {shortest_s:g} s",
     ]
 
 
@@ -217,7 +227,19 @@ def _link_lines(setup: Setup) -> list[str]:
     """The same about the dc link: a chopper below its source would heat with the source's energy,
     and without a capacitor there is nothing that it could change."""
     lines = []
-    highest_V = max([setup["inverter.vdc_V"], *(volts for _, volts in setup.profile.vdc_V)])
+    for key, why in (
+        ("line_Hz", "a rectifier feeds a capacitor"),
+        ("precharge_ohm", "else there is nothing to charge"),
+        ("chopper_ohm", "else nothing rises"),
+    ):
+        if setup[f"inverter.{key}"] > 0 and setup["inverter.link_F"] == 0:
+            lines.append(f"inverter.{key} needs inverter.link_F above 0: {why}")
+    if setup["inverter.line_Hz"] > 0 and setup["inverter.source_H"] == 0:
+        lines.append(
+            "inverter.line_Hz needs inverter.source_H above 0: a line without inductance has no "
+            "commutation"
+        )
+    highest_V = highest_source_V(setup)
 
     def above_source(path: str) -> None:
         if setup[path] <= highest_V:
@@ -231,8 +253,6 @@ def _link_lines(setup: Setup) -> list[str]:
         above_source("controller.chopper_off_V")
     if setup["inverter.chopper_ohm"] > 0:
         off_V, on_V = setup["inverter.chopper_off_V"], setup["inverter.chopper_on_V"]
-        if setup["inverter.link_F"] == 0:
-            lines.append("inverter.chopper_ohm needs inverter.link_F above 0: else nothing rises")
         if on_V == 0:
             if not by_drive:
                 lines.append(
@@ -245,11 +265,6 @@ def _link_lines(setup: Setup) -> list[str]:
             lines.append(
                 f"inverter.chopper_on_V = {on_V:g}: allowed is more than {off_V:g} V, "
                 "inverter.chopper_off_V"
-            )
-        if on_V >= setup["controller.vdc_max_V"]:
-            lines.append(
-                f"inverter.chopper_on_V = {on_V:g}: allowed is less than "
-                f"{setup['controller.vdc_max_V']:g} V, controller.vdc_max_V, where the drive trips"
             )
     return lines
 

@@ -1,4 +1,4 @@
-"""What the shortest gate pulse makes of the voltage that a scheme asks for.
+"""The voltage that is left of a scheme's when gate pulses have a shortest length.
 
 No leg stays high or low for less than the dead time and `min_pulse_us` together. A modulated leg
 that would takes its rail or this pulse; a word of a switching table that would lasts so long or is
@@ -64,7 +64,7 @@ def of_table(
     d: Design, controller: Controller, asked: Sequence[Words], vectors: Sequence[complex],
     most_share: float,
 ) -> Changed:  # fmt: skip
-    """Of the words that the law asked for; `vectors`: the voltage of each state word."""
+    """The error for the words that the law asked for; `vectors`: the voltage of each state word."""
 
     def volts(of: Words) -> complex:
         return sum((share * vectors[word] for word, share in zip(*of)), 0j)
@@ -81,7 +81,7 @@ def of_table(
 def of_modulator(
     d: Design, controller: Controller, speed_rpm: float, torque_Nm: float, most_share: float
 ) -> Changed:
-    """Of a voltage that turns, as large as this point needs."""
+    """The error for a voltage that turns, as large as this point needs."""
     pu = _needed_pu(d, speed_rpm, torque_Nm)
     turning = np.exp(2j * np.pi * TURN / DIRECTIONS * np.arange(DIRECTIONS))
 

@@ -101,19 +101,50 @@ def _refused_by_law(setup: Values, values: dict[str, float]) -> list[str]:
     return lines
 
 
+def beside_the_plant(setup: Values) -> list[str]:
+    """A line for every parameter that leaves something of the plant without its use, and
+    `load_before_flux`."""
+    values, lines = parameters(setup), []
+    if setup["inverter.chopper_ohm"] > 0:
+        on_V, trip_V = setup["inverter.chopper_on_V"], float(values["vdc_max_V"])
+        if on_V >= trip_V:
+            lines.append(
+                f"inverter.chopper_on_V = {on_V:g}: allowed is less than {trip_V:g} V, "
+                "controller.vdc_max_V, where the drive trips"
+            )
+    if setup["inverter.precharge_ohm"] > 0:
+        volts, level_V = setup["inverter.vdc_V"], float(values["precharge_V"])
+        if level_V == 0:
+            lines.append(
+                "inverter.precharge_ohm needs controller.precharge_V above 0: else no relay "
+                "bridges it"
+            )
+        elif level_V >= volts:
+            lines.append(
+                f"controller.precharge_V = {level_V:g}: allowed is less than {volts:g} V, "
+                "inverter.vdc_V, to which the resistor charges the link"
+            )
+    if setup["load.holding_Nm"] > 0 and float(values["brake_open_s"]) == 0:
+        lines.append("load.holding_Nm needs controller.brake_open_s above 0: else nothing opens it")
+    return lines or load_before_flux(setup)
+
+
 def load_before_flux(setup: Values) -> list[str]:
     """A line if a constant load turns the shaft so far before the machine has flux that the drive
-    trips. Other loads only resist motion."""
+    trips. Other loads only resist motion. A holding brake takes its torque until then."""
     if setup["load.kind"] != "constant":
         return []
     values = parameters(setup)
     ready_s = float(values["calibration_s"]) + float(values["build_s"])
+    if setup.profile.starts_later:
+        ready_s += setup.profile.command[0][0]
     steps = setup.profile.load_Nm
     ends = [*(time_s for time_s, _ in steps[1:]), ready_s]
     speed_rpm = 0.0
     for (begin_s, load_Nm), end_s in zip(steps, ends):
         seconds = max(0.0, min(end_s, ready_s) - begin_s)
-        speed_rpm += load_Nm * seconds / setup["machine.inertia_kgm2"] * 30 / math.pi
+        turning_Nm = max(0.0, abs(load_Nm) - setup["load.holding_Nm"])
+        speed_rpm += turning_Nm * seconds / setup["machine.inertia_kgm2"] * 30 / math.pi
         if abs(speed_rpm) > float(values["start_max_rpm"]):
             return [
                 f"profile.load_Nm: {load_Nm:g} N m from {begin_s:g} s turn the shaft before the "
@@ -139,6 +170,8 @@ NOT_ON_A_BOARD = {
         "vdc_V",
         "source_ohm",
         "source_H",
+        "line_Hz",
+        "precharge_ohm",
         "chopper_ohm",
         "chopper_on_V",
         "chopper_off_V",
@@ -163,7 +196,20 @@ NOT_ON_A_BOARD = {
         "encoder_wires",
     ),
     "timing": ("device",),
-    "load": ("kind", "at_rpm"),
+    "load": ("kind", "at_rpm", "holding_Nm", "holding_open_s", "holding_close_s"),
+    "heat": (
+        "switch_K_W",
+        "switch_s",
+        "diode_K_W",
+        "diode_s",
+        "sink_K_W",
+        "sink_s",
+        "devices_degC",
+        "switch_V_per_K",
+        "switch_ohm_per_K",
+        "diode_V_per_K",
+        "diode_ohm_per_K",
+    ),
     "rated": ("torque_Nm", "speed_rpm", "current_A", "flux_Wb"),
     "point": ("speed_rpm", "load_Nm"),
 }

@@ -1,4 +1,4 @@
-"""What a set-up is made of: its values, its profile, and the error about them."""
+"""The parts of a set-up: its values, its profile, and the error about them."""
 
 from __future__ import annotations
 
@@ -52,6 +52,11 @@ class Profile:
             "command": self.command,
             "broken": tuple((time_s, kind) for time_s, _, kind in self.broken),
         }
+
+    @property
+    def starts_later(self) -> bool:
+        """Whether the first start is a command."""
+        return bool(self.command) and self.command[0][1] == "start"
 
     def too_late(self) -> list[str]:
         """A line for each quantity with a step at or after the end."""

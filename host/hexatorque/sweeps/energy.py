@@ -1,4 +1,4 @@
-"""What a drive cycle costs: the switched drive follows the cycle, and its energies are added.
+"""The energies of a drive cycle: the switched drive follows the cycle, and its energies are added.
 
 The speed loop follows the cycle's speed, while the load takes its torque. The torque of the
 rotor's own inertia comes on top, and shaft_Wh has it, too.

@@ -1,4 +1,4 @@
-"""What studies say when they cannot go on."""
+"""The errors of studies."""
 
 from __future__ import annotations
 

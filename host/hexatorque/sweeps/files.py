@@ -14,7 +14,9 @@ from ..setups import SetupError, load
 from ..setups.loading import beside
 from . import cycle
 from .errors import StudyError
+from .space import Draw
 from .study import Study
+from .work import Runs
 
 #: Key of the file -> what is needed.
 KEYS: dict[str, tuple[type | tuple[type, ...], str]] = {
@@ -33,8 +35,11 @@ KEYS: dict[str, tuple[type | tuple[type, ...], str]] = {
     "vary": (dict, "a table"),
     "default": (dict, "a table"),
 }
-#: Keys that `Study` names otherwise.
-ARGUMENTS = {"vary": "keys", "run": "kind"}
+#: Keys that are one argument of `Study` together: the argument's class and its fields.
+GROUPS: dict[str, tuple[type, dict[str, str]]] = {
+    "design": (Draw, {"design": "design", "samples": "samples", "seed": "seed"}),
+    "run": (Runs, {"run": "kind", "from_s": "from_s", "cycle": "cycle"}),
+}
 
 
 def ready() -> list[str]:
@@ -97,10 +102,11 @@ def make(data: Mapping[str, Any]) -> Study:
     if "setup" not in data:
         raise StudyError("setup is missing: the name or the file of a set-up")
     given = {name: value for name, value in data.items() if name not in ("setup", "set")}
-    return Study(
-        load(data["setup"]).changed(data.get("set")),
-        **{ARGUMENTS.get(name, name): value for name, value in given.items()},
-    )
+    for argument, (group, fields) in GROUPS.items():
+        there = [name for name in fields if name in given]
+        given[argument] = group(**{fields[name]: given.pop(name) for name in there})
+    setup = load(data["setup"]).changed(data.get("set"))
+    return Study(setup, given.pop("vary", None), **given)
 
 
 def _flat(name: str, sections: Mapping[str, Any]) -> dict[str, Any]:

@@ -70,7 +70,7 @@ class Journal:
             file.truncate(end)
 
     def rows(self) -> Iterator[Row]:
-        """What is there. A later row replaces an earlier one of the same number."""
+        """The rows that are there. A later row replaces an earlier one of the same number."""
         self._file.seek(0)
         self._file.readline()
         for count, line in enumerate(self._file, 2):

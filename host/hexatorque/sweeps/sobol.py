@@ -26,7 +26,7 @@ def library() -> Any:
 
 
 def problem(names: Sequence[str]) -> dict[str, Any]:
-    """What SALib is told: every key goes from 0 to 1."""
+    """The problem for SALib: every key goes from 0 to 1."""
     return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
 
 

@@ -243,15 +243,21 @@ class Design:
         return {axis.path: found[axis.path] for axis in self.axes}
 
 
-def design(
-    kind: str,
-    keys: Mapping[str, Any],
-    samples: int | None = None,
-    seed: int = 1,
-    setup: Setup | None = None,
-) -> Design:
+@dataclass(frozen=True)
+class Draw:
+    """The combination of the values of a study's keys. design: "grid" takes all combinations,
+    "list" the first values together, then the second ones; "random" and "latin-hypercube" draw
+    `samples` points with `seed`; "sobol" does so, too, and tells how much each key matters."""
+
+    design: str = GRID
+    samples: int | None = None
+    seed: int = 1
+
+
+def points(draw: Draw, keys: Mapping[str, Any], setup: Setup | None = None) -> Design:
     """The points over `keys`: path -> a value, a list of values, or a range. setup: has the values
     that factors multiply."""
+    kind, samples, seed = draw.design, draw.samples, draw.seed
     if kind not in DESIGNS:
         raise StudyError(f"design = {kind!r}: choose one of {', '.join(DESIGNS)}")
     axes = tuple(read_axis(path, given, kind, setup) for path, given in pairs(keys).items())

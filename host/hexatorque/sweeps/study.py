@@ -9,16 +9,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..given import choice
+from ..given import choice, pairs, several
 from ..setups import Setup, load, parameters
 from . import sensitivity, space, table, work
-from .cycle import read
 from .engine import rows
 from .errors import StudyError
 from .journal import Journal
-from .space import GRID, SOBOL, Space, check_words
+from .space import GRID, SOBOL, Draw, Space, check_words
 from .table import Results
-from .work import Row, Work
+from .work import Row, Runs, Work
 from .workers import Given, Processes, Workers
 
 if TYPE_CHECKING:
@@ -43,18 +42,15 @@ class Study:
     study.table()
 
     keys: key of the set-up -> a value, a list of values, or a range {from, to, count, log};
-    design: "grid" (all combinations), "list" (the first values together, then the second ones),
-    "random" or "latin-hypercube", which draw `samples` points with `seed`, or "sobol", which tells
-    how much each key matters (`indices`); title: of table and picture; metrics: names from
-    `hexatorque.analysis.metrics.UNITS`, all without it; schemes, seeds: each point runs with every
-    scheme, and with every seed of the sensors' noise; kind: "point" measures the steady state at
-    the set-up's operating point, "profile" its profile from `from_s` on; over: the picture draws
-    the other metrics over this one, with the best compromises; default: key -> a value for what
-    the set-up leaves open; cycle: with kind "cycle", the drive cycle that is followed (`cycle`),
-    whose figures are those of `cycle.UNITS`. StudyError or SetupError, both InputErrors, name what
-    is wrong before anything runs.
+    metrics: names from `hexatorque.analysis.metrics.UNITS`, all without it; schemes, seeds: each
+    point runs with every scheme, and with every seed of the sensors' noise; design: "grid", "list",
+    or `Draw`, how the values are combined; run: "point", "profile", or `Runs`, what each run does;
+    default: key -> a value for what the set-up leaves open; title: of table and picture; over: the
+    picture draws the other metrics over this one, with the best compromises. StudyError or
+    SetupError, both InputErrors, name what is wrong before anything runs.
 
-    setup: the set-up as it is studied; space: all runs, `space.case(n).values` are the keys that
+    setup: the set-up as it is studied; runs: what each run does, cycle: the drive cycle that it
+    follows, if it does; space: all runs, `space.case(n).values` are the keys that
     run n changes; results: what has been computed, `results.figures` is (runs, metrics).
     """
 
@@ -63,48 +59,36 @@ class Study:
         setup: str | Path | Setup,
         keys: Mapping[str, Any] | None = None,
         metrics: Sequence[str] | None = None,
-        design: str = GRID,
-        samples: int | None = None,
-        seed: int = 1,
+        design: str | Draw = GRID,
         schemes: Sequence[str] = (),
         seeds: Sequence[int] = (),
-        kind: str = work.POINT,
-        from_s: float = 0.0,
+        run: str | Runs = work.POINT,
+        default: Mapping[str, Any] | None = None,
         title: str = "",
         over: str = "",
-        default: Mapping[str, Any] | None = None,
-        cycle: str | Path = "",
     ) -> None:
         from .. import firmware
 
         loaded = setup if isinstance(setup, Setup) else load(setup)
-        self.setup = space.completed(loaded, default or {})
+        self.setup = space.completed(loaded, pairs(default))
         self.title = title if title else self.setup.title
-        self.kind, self.from_s = kind, from_s
-        if kind not in work.KINDS:
-            raise StudyError(f"run = {kind!r}: choose one of {', '.join(work.KINDS)}")
-        if bool(cycle) != (kind == work.CYCLE):
-            raise StudyError(f"cycle = {cycle!r}: run = {work.CYCLE!r} needs one, nothing else may")
-        self.cycle = read(cycle) if cycle else None
-        known = work.units(kind)
-        if metrics is not None and not metrics:
+        self.runs = run if isinstance(run, Runs) else Runs(run)
+        self.cycle = self.runs.checked()
+        known = work.units(self.runs.kind)
+        self.metrics = tuple(known if metrics is None else several(metrics, "metrics"))
+        if not self.metrics:
             raise StudyError(f"no metric is given; known: {', '.join(known)}")
-        self.metrics = tuple(known if metrics is None else metrics)
-        if kind != work.PROFILE and from_s:
-            raise StudyError(f"from_s = {from_s:g}: only with run = {work.PROFILE!r}")
-        if from_s < 0:
-            raise StudyError(f"from_s = {from_s:g}: 0 s or more is needed")
         check_words(self.metrics, known, "metric")
-        schemes = [choice(name, firmware.schemes()) for name in schemes]
+        schemes = [choice(name, firmware.schemes()) for name in several(schemes, "schemes")]
         check_words(schemes, firmware.schemes(), "scheme")
         self.over = over
         if over and over not in self.metrics:
             raise StudyError(f"over = {over!r}: choose one of {', '.join(self.metrics)}")
-        one: Any
-        for one in seeds:
+        for one in (seeds := several(seeds, "seeds")):
             if isinstance(one, bool) or not isinstance(one, int) or not SEEDS[0] <= one <= SEEDS[1]:
                 raise StudyError(f"seeds: {one!r}: allowed range is {SEEDS[0]} .. {SEEDS[1]}")
-        points = space.design(design, keys or {}, samples, seed, self.setup)
+        draw = design if isinstance(design, Draw) else Draw(design)
+        points = space.points(draw, keys or {}, self.setup)
         self.space = Space(points, tuple(schemes), tuple(seeds))
         if self.cycle and not points.axes:
             self.cycle.over(self.setup)  # says what the drive cannot do before anything runs
@@ -114,14 +98,14 @@ class Study:
         return len(self.space)
 
     def as_json(self) -> dict[str, Any]:
-        """What is studied, for JSON. Two studies with the same have the same table."""
+        """The study's subject, for JSON. Two studies with the same have the same table."""
         points = self.space.design
         cycle = {"cycle": asdict(self.cycle)} if self.cycle else {}
         setup = {**self.setup.summary(), "controller": parameters(self.setup)}
         return {
             "identity": work.identity(),
             "set-up": {**setup, "profile": asdict(self.setup.profile)},
-            "run": {"run": self.kind, "from_s": self.from_s, **cycle},
+            "run": {"run": self.runs.kind, "from_s": self.runs.from_s, **cycle},
             "design": {"design": points.kind, "samples": points.points, "seed": points.seed},
             "keys": {axis.path: axis.as_json() for axis in points.axes},
             "schemes": self.space.schemes,
@@ -171,8 +155,8 @@ class Study:
         shared = Work(
             self.setup,
             self.metrics,
-            self.kind,
-            float(self.from_s),
+            self.runs.kind,
+            float(self.runs.from_s),
             limit_s,
             what["identity"],
             self.cycle,

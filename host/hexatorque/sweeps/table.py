@@ -28,7 +28,7 @@ META = b"hexatorque"
 
 @dataclass
 class Results:
-    """What has been computed. It takes the same memory from the first row to the last."""
+    """The computed figures. They take the same memory from the first row to the last."""
 
     space: Space
     metrics: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""What one run of a study does. Workers call `do`, wherever they are."""
+"""One run of a study. Workers call `do`, wherever they are."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 from .. import __version__
@@ -20,7 +21,8 @@ from ..build import build
 from ..errors import HexatorqueError
 from ..setups import Setup, SetupError
 from ..setups.values import Profile
-from . import cycle
+from .cycle import UNITS as CYCLE_UNITS
+from .cycle import Cycle, read
 from .errors import StudyError
 from .space import Case, changed
 
@@ -41,9 +43,33 @@ class OtherVersion(StudyError):
 
 
 @dataclass(frozen=True)
+class Runs:
+    """The task of each run of a study. kind: "point" measures the steady state at the set-up's
+    operating point, "profile" its profile from `from_s` on, "cycle" follows the drive cycle
+    `cycle`, with the figures of `cycle.UNITS`."""
+
+    kind: str = POINT
+    from_s: float = 0.0
+    cycle: str | Path = ""
+
+    def checked(self) -> Cycle | None:
+        """The cycle, if there is one. StudyError names what does not fit together."""
+        if self.kind not in KINDS:
+            raise StudyError(f"run = {self.kind!r}: choose one of {', '.join(KINDS)}")
+        if bool(self.cycle) != (self.kind == CYCLE):
+            raise StudyError(f"cycle = {self.cycle!r}: run = {CYCLE!r} needs one, nothing else may")
+        if self.kind != PROFILE and self.from_s:
+            raise StudyError(f"from_s = {self.from_s!r}: only with run = {PROFILE!r}")
+        from_s: Any = self.from_s
+        if not isinstance(from_s, (int, float)) or not from_s >= 0:
+            raise StudyError(f"from_s = {self.from_s!r}: a time of 0 s or more is needed")
+        return read(self.cycle) if self.cycle else None
+
+
+@dataclass(frozen=True)
 class Work:
-    """What all runs of a study share. from_s: a profile is measured from here to its end; limit_s:
-    longest wall-clock time of a run; identity: of the package that asks."""
+    """The common part of all runs of a study. from_s: a profile is measured from here to its end;
+    limit_s: longest wall-clock time of a run; identity: of the package that asks."""
 
     setup: Setup
     metrics: tuple[str, ...]
@@ -51,7 +77,7 @@ class Work:
     from_s: float
     limit_s: float
     identity: dict[str, str]
-    cycle: cycle.Cycle | None = None
+    cycle: Cycle | None = None
 
 
 @dataclass(frozen=True)
@@ -133,7 +159,7 @@ def time_up(work: Work) -> str:
 
 def units(kind: str) -> dict[str, str]:
     """The figures that a run of this kind may have, with their units."""
-    return cycle.UNITS if kind == CYCLE else UNITS
+    return CYCLE_UNITS if kind == CYCLE else UNITS
 
 
 def unit(name: str) -> str:

@@ -51,7 +51,7 @@ class Workers(Protocol):
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future: ...
 
     def result(self, future: Future) -> Any:
-        """What a future that is done has brought. Raises Died."""
+        """The result of a future that is done. Raises Died."""
 
     def overdue(self, future: Future, limit_s: float) -> bool:
         """Whether a task, whose runs have this limit together, gives no answer any more."""

@@ -1,4 +1,4 @@
-"""What differs between operating systems: locks, processes, ports, how programs find each other.
+"""The differences between operating systems: locks, processes, ports, how programs find each other.
 
 `posix.py` is for Linux and macOS, `windows.py` for Windows. Both have the same names. Nothing else
 in the package asks which system it runs on, and nothing else uses what one of them lacks.

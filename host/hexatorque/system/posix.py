@@ -41,7 +41,7 @@ def has_screen() -> bool:
 
 
 def prepare_output() -> None:
-    """What is printed is UTF-8 here."""
+    """The output is UTF-8 here."""
 
 
 def user_name() -> str:
@@ -93,12 +93,12 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def end_command(pid: int) -> str:
-    """What a user types to ask a process to end."""
+    """The command that asks a process to end."""
     return f"kill {pid}"
 
 
 def kill_command(pid: int) -> str:
-    """What a user types to end a process that does not answer."""
+    """The command that ends a process that does not answer."""
     return f"kill -9 {pid}"
 
 

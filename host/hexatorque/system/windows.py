@@ -103,12 +103,12 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGBREAK)
 
 
 def end_command(pid: int) -> str:
-    """What a user types to end a process: none without a window can be asked."""
+    """The command that ends a process: none without a window can be asked."""
     return kill_command(pid)
 
 
 def kill_command(pid: int) -> str:
-    """What a user types to end a process that does not answer."""
+    """The command that ends a process that does not answer."""
     return f"taskkill /F /PID {pid}"
 
 

@@ -1,4 +1,4 @@
-"""What of the plant is translated, and its records as C."""
+"""The translated functions of the plant, and its records as C."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def initialiser(part: np.record | np.ndarray) -> str:
 
 
 def files(t: Translator) -> dict[str, str]:
-    """What has been translated as a header and a source file: name -> text."""
+    """The translation as a header and a source file: name -> text."""
     texts = ", ".join(f'"{text}"' for text in t.errors)
     header = f"""\
 {_ABOUT}#ifndef HT_PLANT_H

@@ -320,7 +320,7 @@ class Function:
         self._raises = False
 
     def translate(self) -> tuple[Any, bool, str]:
-        """What it returns, whether it raises, and its body."""
+        """The type that it returns, whether it raises, and its body."""
         self._block(self._tree.body)
         returns = self._returns or VOID
         if isinstance(returns, Constant):

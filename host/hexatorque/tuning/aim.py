@@ -1,4 +1,4 @@
-"""What is better: the weighted aim of a tuning."""
+"""The weighted aim of a tuning."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..setups import SetupError
 
 @dataclass(frozen=True)
 class Figures:
-    """What is measured at one operating point.
+    """The figures of one operating point.
 
     Td, THD∞ and losses are as `analysis.metrics` defines them; loss_W: windings of the stator, and
     the inverter as far as the set-up states its devices; speed_error_rpm: mean deviation from the
@@ -95,5 +95,5 @@ def aim(weights: Weights, found: Sequence[Figures], start: Sequence[Figures]) ->
 
 
 def _ratio(value: float, before: float) -> float:
-    """What was 0 before cannot become better."""
+    """A figure that was 0 before cannot become better."""
     return max(value / before, 1e-6) if before > 0 else 1.0

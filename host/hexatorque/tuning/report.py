@@ -1,4 +1,4 @@
-"""What a tuning leaves: a set-up, a report with the trade-off, and the same as JSON."""
+"""The results of a tuning: a set-up, a report with the trade-off, and the same as JSON."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class NotInstalled(HexatorqueError):
 
 @dataclass(frozen=True)
 class Judged:
-    """What a candidate is worth. aim: the smaller the better; details: plain values for the
+    """The worth of a candidate. aim: the smaller the better; details: plain values for the
     journal."""
 
     aim: float
@@ -216,7 +216,7 @@ def _sampler(seed: int, number: int) -> Any:
 
 
 def tried(study: optuna.Study) -> list[Tried]:
-    """What has been judged, in the order of the numbers."""
+    """The judged candidates, in the order of their numbers."""
     complete = library().trial.TrialState.COMPLETE
     details = study.user_attrs
     return [

@@ -54,7 +54,7 @@ def errors_of(setup: Setup) -> tuple[tuple[str, str, float], ...]:
 
 @dataclass(frozen=True)
 class Request:
-    """What is tuned, where, and what for."""
+    """The subject of a tuning, its operating points and its aim."""
 
     setup: Setup
     points: tuple[Where, ...]
@@ -63,12 +63,12 @@ class Request:
     trials: int = TRIALS
 
     def knobs(self) -> list[space.Knob]:
-        """What moves. A speed loop that does not count stays as it is."""
+        """The parameters that move. A speed loop that does not count stays as it is."""
         found = space.knobs(self.setup)
         return [k for k in found if self.weights["speed"] > 0 or k.name not in space.SPEED_LOOP]
 
     def as_json(self) -> dict[str, Any]:
-        """What a study belongs to. The number of trials may grow."""
+        """The identity of a study. The number of trials may grow."""
         return {
             "version": __version__,
             "set-up": {**self.setup.summary(), "controller": parameters(self.setup)},
@@ -163,7 +163,7 @@ def tune(
 
 
 class Judge:
-    """What a candidate is worth against the set-up before tuning."""
+    """The worth of a candidate against the set-up before tuning."""
 
     def __init__(self, request: Request, plan: Sequence[Times], progress: Progress) -> None:
         self.request, self.plan, self.progress = request, plan, progress
@@ -210,7 +210,7 @@ class Judge:
         return course.drive(setup, self.request.points, self.plan, self.progress)
 
     def _refused(self, setup: Setup) -> set[str]:
-        """What `check` calls bad."""
+        """The findings that `check` calls bad."""
         scheme = str(setup.parameter("scheme"))
         return {f.subject for f in review(setup, [scheme], steady=False) if f.verdict == "bad"}
 

@@ -38,7 +38,7 @@ STANDSTILL_RPM = 5.0
 
 @dataclass
 class Bench:
-    """What a recording says, in periods of the slow loop. `samples` are the firmware's channels;
+    """A recording in periods of the slow loop. `samples` are the firmware's channels;
     `row` is the fast period of each sample since the first slow one, as early as it can have been;
     `places`: each sample is of this period or of one of those after it, so many in all.
 
@@ -364,8 +364,8 @@ def _means(values: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
 
 
 def _held(values: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
-    """What changes once in a period, from the middle of it: at the interrupt itself one channel
-    has its next value already, another one not yet. The mean where this sample is lost."""
+    """A channel that changes once in a period, from the middle of it: at the interrupt itself one
+    channel has its next value already, another one not yet. The mean where this sample is lost."""
     begins, ends = (np.searchsorted(which, np.arange(n), side) for side in ("left", "right"))
     middle = values[np.minimum((begins + ends - 1) // 2, len(values) - 1)]
     return np.where((ends > begins) & np.isfinite(middle), middle, _means(values, which, n))

@@ -220,7 +220,7 @@ class _Series:
         return {**found, SHAFT_NOISE: self.shaft_noise_Nm(n, samples)}
 
     def shaft_noise_Nm(self, n: int, samples: dict[str, np.ndarray]) -> np.ndarray:
-        """What a measured speed is off: the simulation measures the bench's measured speed once
+        """The error of a measured speed: the simulation measures the bench's measured speed once
         more. It is late by up to half a period of the slow loop, as the firmware measures it, and
         between two samples nobody knows when it changed."""
         bench = self.benches[n]
@@ -260,8 +260,8 @@ class _Series:
         return any(bench.outside for bench in self.benches)
 
     def probe_floor(self, name: str, simulated: np.ndarray) -> float:
-        """What an oscilloscope and its probes may be off. Unequal probes look like currents in the
-        x-y plane."""
+        """The errors that an oscilloscope and its probes may have. Unequal probes look like
+        currents in the x-y plane."""
         whole_A = [one["current amplitude"] for one in self.bench if "current amplitude" in one]
         whole = float(np.sqrt(np.nanmean(np.concatenate(whole_A) ** 2))) if whole_A else 0.0
         size = PROBE_FLOOR * float(np.sqrt(np.mean(simulated**2)))
@@ -379,7 +379,8 @@ class _Search:
         self.notes.append(f"{candidate.name} {candidate.shown(change)}: {why}")
 
     def alone(self) -> list[Explanation]:
-        """What each explains, best first. The best are simulated with the change found."""
+        """The share that each explains, best first. The best are simulated with the change
+        found."""
         shown = [c for c in self.candidates if c.name in self.effects]
         explained = [_alone(c, self.effects[c.name], self.residual) for c in shown]
         explained.sort(key=lambda e: e.left)
@@ -472,7 +473,7 @@ def _place(setup: Setup, bench: Bench, loads: Load, runs: Sequence[Replay]) -> i
 
 
 def _scales(benches: Sequence[Bench], nominal: _Nominal) -> list[str]:
-    """What a factor between the currents of bench and simulation may be."""
+    """Causes of a factor between the currents of bench and simulation."""
     name = "current amplitude"
     if name not in nominal.used:
         return []
@@ -488,7 +489,7 @@ def _scales(benches: Sequence[Bench], nominal: _Nominal) -> list[str]:
 
 
 def _alone(candidate: Candidate, effect: np.ndarray, residual: np.ndarray) -> Explanation:
-    """What one parameter explains, if the simulation is linear in it."""
+    """The share that one parameter explains, if the simulation is linear in it."""
     noise = _noise(effect, candidate)
     size = float(effect @ effect)
     found = Explanation(candidate)
@@ -607,7 +608,7 @@ class _Nominal:
 
     @property
     def groups(self) -> list[slice]:
-        """Where the values of each quantity are."""
+        """The places of each quantity's values."""
         ends = list(itertools.accumulate(int(used.sum()) for used in self.used.values()))
         return [slice(begin, end) for begin, end in zip([0, *ends], ends)]
 

@@ -223,7 +223,7 @@ class Search:
         return Set(some, changes, deviations, inverse / np.outer(size, size), rest, effects)
 
     def _alike(self, found: Set) -> None:
-        """What would do in the place of one of the parameters, while the others change as well."""
+        """Alternatives to one of the parameters, while the others change as well."""
         for n, one in enumerate(found.candidates):
             rest_of = np.delete(found.effects, n, axis=0)
             own = _without(found.effects[n], rest_of)

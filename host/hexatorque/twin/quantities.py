@@ -1,5 +1,6 @@
-"""What is compared: means over windows of quantities that do not depend on where the rotor stands
-or on the single pulse, made from the firmware's channels of the bench or of the simulation.
+"""The quantities of the comparison: means over windows of values that do not depend on where the
+rotor stands or on the single pulse, made from the firmware's channels of the bench or of the
+simulation.
 
 Currents are seen from the estimated flux: along it they magnetise, across it they make torque. In
 the x-y plane, unbalance makes the first harmonic, and the inverter's error voltage the fifth and

@@ -18,7 +18,7 @@ MOST_ROWS = 6
 
 
 def verdict(comparison: Comparison) -> list[str]:
-    """What is found, a sentence each."""
+    """The findings, a sentence each."""
     if not comparison.differs:
         return ["bench and simulation agree within the expected noise", *_hidden(comparison)]
     if comparison.together:
@@ -46,7 +46,7 @@ UNEXPLAINED = (
 
 
 def _several(comparison: Comparison, found: Set) -> list[str]:
-    """What several parameters explain together, and what of it is not sure."""
+    """The differences that several parameters explain together, and the doubts about them."""
     residual = comparison.residual
     left = found.squared / float(residual @ residual)
     parts = [

@@ -24,7 +24,7 @@ COHERENT, TURNS = 0.5, 1.0
 def check(
     phases: Mapping[str, np.ndarray], rate_Hz: float, speed_rpm: np.ndarray | None
 ) -> list[str]:
-    """What is to be told of the currents, phase -> samples. RecordingError if one is not that of
+    """Remarks on the currents, phase -> samples. RecordingError if one is not that of
     its phase. Without a speed, the direction is the one that fits better."""
     names = list(phases)
     turning = np.array([_analytic(np.nan_to_num(np.asarray(phases[p], float))) for p in names])

@@ -10,6 +10,7 @@ import itertools
 import numpy as np
 import pytest
 from campaigns import examples
+from control_step import control_step
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from unwritten import unwritten
@@ -81,11 +82,7 @@ class Drive:
         lib.ht_control_reset(self.cfg, self.state, [{"p": [0.0] * 6}])
 
     def step(self, i=(0.0,) * 6, torque=0.0, flux=0.4, vdc=VDC, build=False):
-        inputs = ffi.new("ht_control_input *")
-        inputs.i_A.p = list(i)
-        inputs.vdc_V, inputs.torque_ref_Nm, inputs.flux_ref_Wb = vdc, torque, flux
-        inputs.inv_flux_ref2 = 1 / flux**2 if flux else 0.0
-        lib.ht_control_step(self.cfg, self.state, inputs, build, self.out)
+        control_step(self.cfg, self.state, self.out, i, torque, flux, vdc, build)
         return words(self.out, self.cfg.period.counts)
 
     def place(self, psi, psi_xy=0j):

@@ -5,6 +5,7 @@ and the change between laws in flight.
 import numpy as np
 import pytest
 from campaigns import examples
+from control_step import control_step
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from unwritten import unwritten
@@ -49,11 +50,7 @@ class Control:
         self.cfg = cfg
 
     def step(self, i=(0.0,) * 6, torque=0.0, flux=0.4, vdc=VDC, build=False):
-        inputs = ffi.new("ht_control_input *")
-        inputs.i_A.p = list(i)
-        inputs.vdc_V, inputs.torque_ref_Nm, inputs.flux_ref_Wb = vdc, torque, flux
-        inputs.inv_flux_ref2 = 1 / flux**2 if flux else 0.0
-        lib.ht_control_step(self.cfg, self.state, inputs, build, self.out)
+        control_step(self.cfg, self.state, self.out, i, torque, flux, vdc, build)
 
     def estimate(self):
         return complex(self.state.estimate.psi_Wb.alpha, self.state.estimate.psi_Wb.beta)

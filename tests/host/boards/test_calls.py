@@ -62,9 +62,7 @@ def test_thermistors_and_chopper_equal_the_drive_itself(quick, target, device):
             "controller.chopper_on_V": 262.0, "controller.chopper_off_V": 258.0,
         }
     )  # fmt: skip
-    brakes = Profile(
-        duration_s=0.6, speed_rpm=((0.11, 600.0), (0.3, -600.0)), samples_per_period=1
-    )
+    brakes = Profile(duration_s=0.6, speed_rpm=((0.11, 600.0), (0.3, -600.0)), samples_per_period=1)
     outcome = pil.compare(setup, brakes, target)
     assert outcome.failures() == []
     assert (outcome.steps, outcome.state) == (6000, "run")

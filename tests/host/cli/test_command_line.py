@@ -196,13 +196,15 @@ def test_exit_codes_say_how_a_command_ended(raised, code, line, capsys, monkeypa
 # -- help ---------------------------------------------------------------------------------
 
 #: How a text begins that leaves out what the option is.
-NAMELESS = ("default", "of ", "for ", "at once", "also ", "before ", "those ")
+NAMELESS = (
+    "default", "of ", "for ", "at once", "also ", "before ", "those ", "what ", "where ", "which ",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
 def test_every_option_says_what_it_is(path):
     for option in COMMANDS[path].params:
-        if isinstance(option, click.Option) and not option.hidden:
+        if not getattr(option, "hidden", False):
             said = option.help or ""
             assert said and not said.startswith(NAMELESS), f"{option.opts}: {said!r}"
             assert not said.endswith("."), option.opts

@@ -123,16 +123,16 @@ def test_clear_and_start_keep_the_temperature_and_a_hot_stage_does_not_start():
 
 def test_the_heat_sinks_thermistor_is_the_base_and_limits_without_a_model():
     sim = drive(**{"sensors.sink_ntc_ohm": 5e3})
-    sim.sink_degC = 70.0
+    sim.junctions.sink_degC = 70.0
     sim.run(1.5, record=False)
     drive_ = sim.controller.drive
     base = sim.controller.channel("device_degC") - max(drive_.device_heat.rise_K)
     assert base == pytest.approx(70.0, abs=0.3)
     sim.set("device_K_W", 0.0)
-    sim.sink_degC = 120.0
+    sim.junctions.sink_degC = 120.0
     sim.run(0.5, record=False)
     assert sim.state == "run" and warm(sim)
-    sim.sink_degC = 131.0
+    sim.junctions.sink_degC = 131.0
     sim.run(0.5, record=False)
     assert sim.faults == ["power stage hot"]
 

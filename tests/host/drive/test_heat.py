@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from campaigns import part
+from same_bits import same_bits
 
 from hexatorque import SimulatedDrive, firmware, load
 from hexatorque.firmware import FirmwareError
@@ -271,15 +272,8 @@ def test_heat_is_kept_over_clear_stop_and_start_and_a_start_waits_until_it_has_c
 
 @pytest.mark.parametrize("scheme", ("ddr", "foc"))
 def test_a_firmware_that_watches_heat_has_the_bits_of_one_that_does_not(scheme):
-    states = []
-    for watched in ({}, {"winding_K_W": 1e-3}):
-        base = load("paper-a-feasible").changed({"controller.scheme": scheme})
-        sim = SimulatedDrive(base.changed({f"controller.{k}": v for k, v in watched.items()}))
-        sim.start()
-        sim.set("speed_ref_rpm", 300)
-        sim.run(0.6, record=False)
-        states.append(sim.plant_state.copy())
-    assert np.array_equal(*states)
+    base = load("paper-a-feasible").changed({"controller.scheme": scheme})
+    assert same_bits(base, {"controller.winding_K_W": 1e-3})
 
 
 def test_levels_out_of_range_are_told_in_one_line():
@@ -315,7 +309,7 @@ def test_the_temperatures_arrive_through_divider_converter_and_registers(device,
         1,
     )
     for winding, sink in ((-15.0, 130.0), (80.0, 20.0), (130.0, -15.0)):
-        sim.bodies.winding_degC[:], sim.sink_degC = winding, sink
+        sim.bodies.winding_degC[:], sim.junctions.sink_degC = winding, sink
         sim.run(1.5, record=False)
         step_K = 0.2 if bits == 12 else 0.6
         assert sim.controller.channel("sink_degC") == pytest.approx(sink, abs=step_K)

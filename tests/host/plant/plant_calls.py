@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 from numba import njit
 
-from hexatorque.plant import gates, inverter, load, machine, pwm, sensors
+from hexatorque.plant import brake, gates, inverter, load, machine, pwm, sensors
 from hexatorque.plant.compiled import source_hash
 from hexatorque.plant.legs import OFF
 from hexatorque.plant.record import record
@@ -30,6 +30,8 @@ def _compile(source):
                     inverter.set_leg(inv, m, y, leg, legs[n, leg])
             if times[n] > 0.0:
                 inverter.advance(inv, m, load, y, times[n], vdc)
+                if load.brake.torque_Nm > 0.0:
+                    brake.settle_brake(inv, m, load, y)
             states[n] = y
             v_legs[n] = inv.v_leg
             for leg in range(6):

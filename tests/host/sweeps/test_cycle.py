@@ -9,7 +9,7 @@ from hexatorque.experiments.operating_points import Point, measure
 from hexatorque.setups import SetupError
 from hexatorque.sweeps import cycle, energy, files, maps
 from hexatorque.sweeps.errors import StudyError
-from hexatorque.sweeps.work import Row
+from hexatorque.sweeps.work import Row, Runs
 
 DROPS = {
     "inverter.v_switch_V": 1.0, "inverter.v_diode_V": 1.0, "inverter.r_switch_ohm": 0.02,
@@ -104,14 +104,14 @@ def test_a_cycle_that_is_not_there(tmp_path):
 def test_what_the_drive_cannot_do_is_said_before_it_runs(tmp_path):
     path = table(tmp_path, "time_s,speed_rpm,torque_Nm\n0,0,0\n1,100,-900\n")
     with pytest.raises(SetupError, match=r"cycle mine: -900 N m: allowed range is .*torque limit"):
-        Study("paper-b", kind="cycle", cycle=path, schemes=["ddr"])
+        Study("paper-b", run=Runs("cycle", cycle=path), schemes=["ddr"])
     with pytest.raises(StudyError, match="cycle = '': run = 'cycle' needs one"):
-        Study("paper-b", kind="cycle", schemes=["ddr"])
+        Study("paper-b", run="cycle", schemes=["ddr"])
     with pytest.raises(StudyError, match="unknown metric 'loss_W'; did you mean 'loss_Wh'"):
-        Study("paper-b", kind="cycle", cycle="ece15", metrics=["loss_W"], schemes=["ddr"])
+        Study("paper-b", run=Runs("cycle", cycle="ece15"), metrics=["loss_W"], schemes=["ddr"])
     setup = setups.load("paper-b").changed(point__load_Nm=0.0)
     with pytest.raises(SetupError, match=r"point.load_Nm = 0: the cycle ece15 has shares of it"):
-        Study(setup, kind="cycle", cycle="ece15", schemes=["ddr"])
+        Study(setup, run=Runs("cycle", cycle="ece15"), schemes=["ddr"])
 
 
 def test_a_study_names_its_files_as_seen_from_its_own_folder(tmp_path, monkeypatch):

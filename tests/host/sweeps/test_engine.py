@@ -249,8 +249,8 @@ PROFILE = {
 def measured():
     """Three profiles: the last has a step after its end."""
     made = Study(
-        "paper-b", PROFILE | {"profile.duration_s": [0.5] * 3}, design="list", kind="profile",
-        from_s=0.35, schemes=["dtc1"],
+        "paper-b", PROFILE | {"profile.duration_s": [0.5] * 3}, design="list",
+        run=work.Runs("profile", from_s=0.35), schemes=["dtc1"],
     )  # fmt: skip
     made.run(jobs=2)
     return made
@@ -264,8 +264,8 @@ def test_a_run_that_is_refused_is_a_row_that_says_why(measured):
 
 def test_processes_and_threads_make_the_same_bits(measured, threads):
     made = Study(
-        "paper-b", PROFILE | {"profile.duration_s": [0.5] * 3}, design="list", kind="profile",
-        from_s=0.35, schemes=["dtc1"],
+        "paper-b", PROFILE | {"profile.duration_s": [0.5] * 3}, design="list",
+        run=work.Runs("profile", from_s=0.35), schemes=["dtc1"],
     )  # fmt: skip
     made.run(executor=threads)
     assert made.results.figures.tobytes() == measured.results.figures.tobytes()

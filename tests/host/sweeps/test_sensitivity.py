@@ -9,6 +9,7 @@ import pytest
 from hexatorque import Study
 from hexatorque.sweeps import maps, sensitivity
 from hexatorque.sweeps.errors import StudyError
+from hexatorque.sweeps.space import Draw
 from hexatorque.sweeps.work import Row
 
 pytest.importorskip("SALib")
@@ -18,7 +19,7 @@ KEYS = {RS: {"from": 1.0, "to": 2.0}, RR: {"from": 1.0, "to": 2.0}, NM: 1.0}
 
 def made(function, keys=KEYS, samples=512, **more):
     """A study whose figure is a function of its keys."""
-    study = Study("paper-b", keys, ["torque_Nm"], "sobol", samples, **more)
+    study = Study("paper-b", keys, ["torque_Nm"], Draw("sobol", samples), **more)
     for number in range(len(study)):
         figure = function(study.space.case(number).values)
         study.results.add(Row(number, (figure,), "" if math.isfinite(figure) else "tripped"))
@@ -71,7 +72,7 @@ def test_a_figure_that_does_not_vary_has_no_indices():
 )
 def test_mistakes(keys, samples, said):
     with pytest.raises(StudyError, match=said):
-        Study("paper-b", keys, ["torque_Nm"], "sobol", samples)
+        Study("paper-b", keys, ["torque_Nm"], Draw("sobol", samples))
 
 
 def test_files_and_picture(tmp_path):

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hexatorque import Study, setups
+from hexatorque import InputError, Study, setups
 from hexatorque.cli.main import main
 from hexatorque.setups import SetupError
 from hexatorque.sweeps import files, space
 from hexatorque.sweeps.errors import StudyError
+from hexatorque.sweeps.work import Runs
 
 RPM, NM, RS = "point.speed_rpm", "point.load_Nm", "machine.rs_ohm"
 
@@ -38,6 +39,12 @@ def test_a_list_goes_through_its_values_together():
     assert values(study) == [{RPM: 500, NM: 1.0}, {RPM: 900, NM: 2.0}]
 
 
+def test_one_name_is_a_list_of_one():
+    study = Study("paper-b", schemes="DDR", seeds=7, metrics="f_sw_Hz")
+    assert values(study) == [{"controller.scheme": "ddr", "sensors.noise_seed": 7}]
+    assert study.metrics == ("f_sw_Hz",)
+
+
 def test_a_logarithmic_range_multiplies():
     axis = space.read_axis(RS, {"from": 0.01, "to": 100, "count": 5, "log": True}, "grid")
     assert axis.values == (0.01, 0.1, 1.0, 10.0, 100.0)
@@ -52,7 +59,7 @@ def test_whole_numbers_stay_whole():
 def test_a_latin_hypercube_has_one_point_in_every_slice():
     pytest.importorskip("scipy")
     keys = {RS: {"from": 1.0, "to": 5.0}, RPM: {"from": 100, "to": 2500}, NM: [1.0, 2.0]}
-    study = Study("paper-b", keys, design="latin-hypercube", samples=40)
+    study = Study("paper-b", keys, design=space.Draw("latin-hypercube", 40))
     found = values(study)
     for path, low, high in ((RS, 1.0, 5.0), (RPM, 100, 2500)):
         slices = [math.floor(40 * (v[path] - low) / (high - low)) for v in found]
@@ -64,7 +71,7 @@ def test_a_latin_hypercube_has_one_point_in_every_slice():
 def test_the_seed_decides_the_draw(design):
     def drawn(seed):
         keys = {RS: {"from": 1.0, "to": 5.0}}
-        return values(Study("paper-b", keys, design=design, samples=20, seed=seed))
+        return values(Study("paper-b", keys, design=space.Draw(design, 20, seed)))
 
     assert drawn(1) == drawn(1) != drawn(2)
 
@@ -111,7 +118,7 @@ def test_ready_made_studies_fit_any_setup(name):
 
 
 def test_more_random_points_begin_with_the_same_ones():
-    few, many = (space.design("random", {RS: {"from": 1, "to": 5}}, n) for n in (5, 50))
+    few, many = (space.points(space.Draw("random", n), {RS: {"from": 1, "to": 5}}) for n in (5, 50))
     assert np.array_equal(few.shares, many.shares[:5])
 
 
@@ -160,18 +167,23 @@ GRID = {RPM: [500, 900]}
         (GRID, {"metrics": []}, "no metric is given; known: speed_rpm"),
         (GRID, {"metrics": ["i1_A", "i1_A"]}, "metric 'i1_A' is there twice"),
         (GRID, {"schemes": ["dtc9"]}, "unknown scheme 'dtc9'"),
+        (GRID, {"schemes": 3}, "unknown scheme 3; known: dtc1"),
+        (GRID, {"metrics": 3.0}, "metrics = 3.0: a list is needed"),
+        (GRID, {"seeds": None}, "seeds = None: a list is needed"),
+        (GRID, {"default": 3}, "3: names with values are needed, such as"),
         (GRID, {"seeds": [0]}, "seeds: 0: allowed range is 1 .. 1000000000"),
         (GRID, {"design": "gird"}, "design = 'gird': choose one of grid, list, random, latin-h"),
-        (GRID, {"samples": 3}, "samples = 3: a grid has as many as its values make"),
+        (GRID, {"design": space.Draw(samples=3)}, "samples = 3: a grid has as many as its values"),
         (GRID, {"design": "random"}, "samples = None: allowed range is 1 .."),
         ({**GRID, NM: [1.0]}, {"design": "list"}, "point.speed_rpm has 2, point.load_Nm has 1"),
-        (GRID, {"kind": "profil"}, "run = 'profil': choose one of point, profile"),
-        (GRID, {"from_s": 1.0}, "from_s = 1: only with run = 'profile'"),
+        (GRID, {"run": "profil"}, "run = 'profil': choose one of point, profile"),
+        (GRID, {"run": Runs(from_s=1.0)}, "from_s = 1.0: only with run = 'profile'"),
+        (GRID, {"run": Runs("profile", "0.1 s")}, "from_s = '0.1 s': a time of 0 s or more is"),
         ({"controller.scheme": ["ddr"]}, {"schemes": ["ddr"]}, "controller.scheme varies: leave"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_line_that_names_it(keys, more, said):
-    with pytest.raises(StudyError) as caught:
+    with pytest.raises(InputError) as caught:
         Study("paper-b", keys, **more)
     assert said in str(caught.value) and "\n" not in str(caught.value)
     assert caught.value.exit_code == 2

@@ -1,6 +1,7 @@
 """The plant in C is the plant in Python: the same bits of every sample, edge and state, in each
 effect. Every line of the C runs in these courses, but those after a failure."""
 
+import ctypes
 import gzip
 import json
 import shutil
@@ -15,12 +16,14 @@ from hexatorque import firmware, load
 from hexatorque.drive import hardware
 from hexatorque.drive.parts import pwm_map
 from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.plant import elementary
+from hexatorque.plant.compiled import compiled
 from hexatorque.plant.gates import GATES, gates_record, suppress_short_pulses
 from hexatorque.plant.link import V
 from hexatorque.plant.pwm import PWM, PWM_MAP, pwm_record, pwm_segment
 from hexatorque.to_c import library, plant
 from hexatorque.to_c.translator import Translator
-from hexatorque.to_c.types import INT, WORD, Array
+from hexatorque.to_c.types import INT, REAL, WORD, Array
 
 #: So that a course is short.
 SHORT = {"controller.calibration_s": 0.01, "controller.build_s": 0.1}
@@ -33,8 +36,22 @@ DROPS = {
 }
 ARC = {"inverter.arc_V": 25.0, "inverter.restrike_V_per_ms": 50.0, "inverter.bounce_ms": 2.0}
 HEAT = {"heat.winding_K_W": 0.5, "heat.time_lapse": 100.0}
+DEVICES = {
+    "heat.switch_K_W": [0.1, 0.2, 0.3, 0.4],
+    "inverter.e_on_mJ": 1.0,
+    "inverter.e_off_mJ": 1.0,
+    "inverter.e_ref_V": 300.0,
+    "inverter.e_ref_A": 10.0,
+}
 LINK = {"inverter.link_F": 200e-6, "inverter.source_ohm": 0.5}
 LINK_H = LINK | {"inverter.source_H": 1e-3}
+LINE = LINK_H | {"inverter.line_Hz": 50.0}
+PRECHARGE = LINE | {
+    "inverter.link_F": 2e-3,
+    "inverter.precharge_ohm": 5.0,
+    "controller.precharge_V": 200.0,
+}
+DIRECT = {"inverter.line_Hz": 0.0, "inverter.source_H": 0.0}
 
 
 def chopper(on_V):
@@ -73,6 +90,15 @@ def brake_and_stop(sim, charged_V=0.0):
     sim.run(0.06)
 
 
+def precharge_and_run(sim):
+    sim.run(0.5)
+    sim.start()
+    sim.run(0.13)
+    sim.stop()
+    sim.inverter.link.x[V] = 50.0
+    sim.run(0.06)
+
+
 charged = partial(brake_and_stop, charged_V=310.0)
 
 
@@ -101,7 +127,8 @@ SWITCHES = broken(("w1", "lower", 0.005), ("v2", "upper", 0.01), ("w1", "none", 
 BLOCKED = broken(("v1", "blocked", 0.01), ("u2", "open", 0.02))
 #: Functions that drawn registers go through, not all of them in these courses.
 DRAWN = {f"plant_{name}" for name in (
-    "pwm_segment", "leg_of_pins", "switch", "forced", "suppress_short_pulses"
+    "pwm_segment", "leg_of_pins", "switch", "forced", "suppress_short_pulses",
+    "cos", "exp", "expm1", "log", "power_of_2", "sin", "tanh", "turned",
 )}  # fmt: skip
 #: Functions that only the drive FMU calls; its tests hold them to the simulation.
 OF_THE_FMU = {f"plant_{name}" for name in (
@@ -115,6 +142,24 @@ NEVER_RUN = {
     ("plant_capture", "se->event_tick = now;"),
     ("plant_capture", "return;"),
 }
+#: A brake that opens and closes at once.
+HOLDING = {
+    "load.holding_Nm": 4.0,
+    "load.holding_open_s": 0.0,
+    "load.holding_close_s": 0.01,
+    "controller.brake_close_s": 0.0,
+}
+
+
+def hold_and_run(sim):
+    """The load slips through the brake and is held again, the drive starts and stops."""
+    sim.set("load_Nm", 5.0)
+    sim.run(0.02)
+    sim.set("load_Nm", -0.2)
+    sim.run(0.05)
+    run_and_stop(sim)
+
+
 #: What is computed -> set-up, its changes, course.
 COURSES = {
     "linear": {
@@ -148,6 +193,9 @@ COURSES = {
         "symmetrical": ("symmetrical", {}, run_and_stop),
         "iron": ("paper-b", BEARS | IRON, OPEN),
         "heat": ("paper-b", IRON | HEAT, run_and_stop),
+        "devices": ("paper-b", BEARS | DROPS | DEVICES, SWITCHES),
+        "devices, arc": ("paper-b", BEARS | DROPS | DEVICES | ARC | LINK, OPEN),
+        "holding": ("paper-b", HOLDING, hold_and_run),
         "link": ("paper-b", BEARS | LINK, OPEN),
         "link, inductance": ("paper-b", BEARS | LINK_H, brake_and_stop),
         "link, chopper": (
@@ -155,6 +203,10 @@ COURSES = {
             BEARS | LINK_H | {"inverter.link_F": 30e-6} | chopper(303.0),
             charged,
         ),
+        "rectifier": ("paper-b", BEARS | LINE, OPEN),
+        "rectifier, gaps": ("paper-b", LINE | {"inverter.link_F": 20e-6}, run_and_stop),
+        "precharge": ("paper-b", PRECHARGE, precharge_and_run),
+        "precharge, direct": ("paper-b", PRECHARGE | DIRECT, precharge_and_run),
     },
     "saturable": {
         "whole": ("paper-b", {"machine.psi_knee_Wb": 0.8}, run_and_stop),
@@ -172,6 +224,8 @@ COURSES = {
         "salient": ("magnet-interior", {}, BLOCKED),
         "link": ("magnet-interior", LINK, run_and_stop),
         "heat": ("magnet-interior", HEAT, run_and_stop),
+        "devices": ("magnet-interior", DROPS | DEVICES, run_and_stop),
+        "holding": ("magnet-interior", HOLDING, hold_and_run),
     },
 }
 
@@ -298,4 +352,28 @@ def test_modules_of_the_pwm_and_gate_drivers_have_the_same_bits_for_drawn_regist
                 n, c0 = results[0][0], c1
             edges += n
     assert edges > 1000
+    assert {row for row, done in ran(tmp_path, made).items() if not done} == set()
+
+
+@compiled
+def six_functions(x, found):
+    found[0] = elementary.cos(x)
+    found[1] = elementary.exp(x)
+    found[2] = elementary.expm1(x)
+    found[3] = elementary.log(abs(x))
+    found[4] = elementary.sin(x)
+    found[5] = elementary.tanh(x)
+
+
+def test_elementary_functions_have_the_same_bits_for_drawn_numbers(tmp_path):
+    t = Translator(lambda function, kinds: function)
+    t.function(six_functions, [REAL, Array(REAL, (None,))], "six_functions")
+    made = counting(plant.files(t), tmp_path)
+    rng = np.random.default_rng(1)
+    wanted, got = np.zeros(6), np.zeros(6)
+    for exponent in (-300, -8, -1, 0, 1, 2, 2.5, 3, 6):
+        for x in (rng.uniform(-1, 1, 200) * 10.0**exponent).tolist():
+            six_functions(x, wanted)
+            made.call("six_functions", ctypes.c_double(x), got)
+            assert got.tobytes() == wanted.tobytes(), x
     assert {row for row, done in ran(tmp_path, made).items() if not done} == set()

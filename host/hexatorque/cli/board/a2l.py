@@ -18,7 +18,7 @@ from ..group import examples
         note="With a virtual board: hexatorque board serve --xcp 5555",
     ),
 )
-@click.argument("file", metavar="FILE.a2l", type=click.Path(path_type=Path))
+@click.argument("file", metavar="FILE.a2l", type=click.Path(path_type=Path), help="the new file")
 @options.value(
     "--xcp", metavar="PORT", type=int, default=5555, help="TCP and UDP port of a virtual board"
 )

@@ -22,7 +22,9 @@ from .connection import open_drive, until_signal
         note="The steps: wiring, resistance, inductance, encoder, rotor, magnetisation, mechanics.",
     )
 )
-@options.value("--steps", metavar="A,B,...", help="these steps and what they need; default: all")
+@options.value(
+    "--steps", metavar="A,B,...", help="steps to do, beside those that they need; default: all"
+)
 @options.value(
     "--current",
     metavar="A",
@@ -48,9 +50,9 @@ from .connection import open_drive, until_signal
     "--speed",
     metavar="RPM",
     type=options.number,
-    help="highest speed of the running drive; default: what needs 0.3 of the dc-link voltage",
+    help="highest speed of the running drive; default: one that takes 0.3 of the dc-link voltage",
 )
-@options.file("--out", metavar="FILE.toml", help="a set-up with what was measured")
+@options.file("--out", metavar="FILE.toml", help="a set-up with the measured values")
 @options.board
 @options.as_json
 def commission(steps, current, travel, turns, speed, out, device, baud, as_json) -> int:

@@ -27,15 +27,15 @@ MOST_RPM = 1e5
         "board compare mine.toml low.mf4 high.mf4 --load 0:0,1.5:10 -o out/twin",
     )
 )
-@click.argument("setup", metavar="SETUP", shell_complete=completion.setup)
+@options.of_setup
 @click.argument(
     "recordings",
     metavar="RECORDING...",
     nargs=-1,
     required=True,
     shell_complete=completion.files,
-    help="of a board, with torque_ref_Nm, speed_rpm, flux and phase currents; of an oscilloscope, "
-    "with phase currents",
+    help="a board's recordings with torque_ref_Nm, speed_rpm, flux and phase currents, or an "
+    "oscilloscope's with phase currents",
 )
 @options.value(
     "--load",
@@ -53,9 +53,10 @@ MOST_RPM = 1e5
 @options.folder("out/board-compare")
 @options.as_json
 def compare(setup, recordings, load, window, speed, maps, shift, output, as_json) -> int:
-    """Which parameter of the set-up is not the bench's?
+    """Find the parameter of a set-up that differs from the bench.
 
-    Simulates what the bench has done, and says what differs and which parameter explains it best.
+    Simulates the recorded run, lists the differences, and names the parameter that explains them
+    best.
     Ends with 1 if they differ by more than the expected noise.
     """
     from rich.table import Table

@@ -195,6 +195,7 @@ def clear(device, baud, as_json) -> int:
     nargs=-1,
     required=True,
     shell_complete=completion.assignment,
+    help="parameters with their new values",
 )
 @options.board
 @options.as_json

@@ -27,6 +27,7 @@ file_given = click.argument(
     metavar="FILE.toml",
     type=click.Path(path_type=Path),
     shell_complete=completion.files,
+    help="file for the parameters",
 )
 
 
@@ -69,7 +70,12 @@ def list_parameters(device, baud, as_json) -> int:
 
 @params.command(epilog=examples("board params get rs_ohm scheme"))
 @click.argument(
-    "names", metavar="NAME...", nargs=-1, required=True, shell_complete=completion.parameter
+    "names",
+    metavar="NAME...",
+    nargs=-1,
+    required=True,
+    shell_complete=completion.parameter,
+    help="parameters; `params list` shows all",
 )
 @options.board
 @options.as_json
@@ -106,15 +112,16 @@ def save(file, device, baud, as_json) -> int:
     required=False,
     type=click.Path(),
     shell_complete=completion.files,
+    help="a file of `params save`",
 )
 @click.option("--setup", metavar="NAME|FILE", shell_complete=completion.setup,
               help="the parameters that the simulation of this set-up uses")  # fmt: skip
 @options.board
 @options.as_json
 def load(file, setup, device, baud, as_json) -> int:
-    """Set what a file or a set-up says, all or none, and read it back.
+    """Set the parameters of a file or a set-up, all or none, and read them back.
 
-    Only what differs is set: other parameters may be such that cannot change now.
+    Only those that differ are set, because some of the others may not be allowed to change now.
     """
     from .. import parameter_sets
 
@@ -127,15 +134,20 @@ def load(file, setup, device, baud, as_json) -> int:
 
 
 @params.command(epilog=examples("board params diff paper-b", "board params diff defaults b.toml"))
-@click.argument("first", metavar="SET")
-@click.argument("second", metavar="[SET]", default="board", shell_complete=completion.setup)
+@click.argument("first", metavar="SET", help="one set of parameters")
+@click.argument(
+    "second",
+    metavar="[SET]",
+    default="board",
+    shell_complete=completion.setup,
+    help="the other one; default: the board",
+)
 @options.board
 @options.as_json
 def diff(first, second, device, baud, as_json) -> int:
-    """What differs between two sets of parameters; exit code 1 if anything does.
+    """Differences between two sets of parameters; exit code 1 if there are any.
 
-    A set is `board`, `defaults`, a set-up's name or file, or a file of `params save`. Without a
-    second one the first is compared with the board.
+    A set is `board`, `defaults`, a set-up's name or file, or a file of `params save`.
     """
     from .. import parameter_sets
 
@@ -165,7 +177,7 @@ def keep(device, baud, as_json) -> int:
 @options.board
 @options.as_json
 def forget(device, baud, as_json) -> int:
-    """The board forgets what it kept; it starts with built-in parameters."""
+    """The board deletes its kept parameters; it starts with built-in ones."""
     with open_drive(device, baud) as drive:
         drive.forget_parameters()
         said = (

@@ -1,4 +1,4 @@
-"""`hexatorque evidence`: everything that shows what simulation and firmware can be trusted for."""
+"""`hexatorque evidence`: all that shows how far to trust simulation and firmware."""
 
 import click
 

@@ -96,7 +96,7 @@ def papers(ids, quick, rivals, output, as_json) -> int:
 @options.folder("out/studies")
 @options.as_json
 def studies(names, quick, output, as_json) -> int:
-    """What simulation and firmware can be trusted for.
+    """Studies of how far to trust simulation and firmware.
 
     Runs studies of accuracy, low speed, light load and faults; a table, a picture and the
     numbers of each. Interrupted, the long ones go on where they were.

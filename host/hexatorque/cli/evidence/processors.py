@@ -115,7 +115,7 @@ def _target(machine: str | None, device: str | None, baud: int | None):
 @options.value(
     "--profile",
     metavar="SCHEME",
-    help="where a scheme's instructions go",
+    help="a scheme's instructions, function by function",
     shell_complete=completion.scheme,
 )
 @options.file("-o", "--output", metavar="DIR", help="write budget.json and budget.md there")

@@ -99,7 +99,7 @@ def instructions(
 
 
 def limits(setup: Setup, plant: Path, progress: Progress | None = None) -> dict[str, float]:
-    """What the loop could reach with a plant in plain C (`limit.factors`)."""
+    """The loop's speed with a plant in plain C (`limit.factors`)."""
     from .limit import factors
 
     sim = approach(Point(setup, setup["point.speed_rpm"], setup["point.load_Nm"]), progress)

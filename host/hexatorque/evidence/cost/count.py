@@ -232,9 +232,9 @@ def branches(setup: Setup, preset: str) -> tuple[float, float]:
 
 
 def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[str, float]]]:
-    """Where the instructions of a scheme's fast interrupt are: mean numbers per interrupt, largest
-    first, by "symbol" (compiled function), "function" (source function, inlined ones counted
-    separately) and source "line"."""
+    """The instructions of a scheme's fast interrupt by function: mean numbers per interrupt,
+    largest first, by "symbol" (compiled function), "function" (source function, inlined ones
+    counted separately) and source "line"."""
     image, counted = executed(setup, machine)
     names = _symbols(image)
     starts = np.array(sorted(names))

@@ -1,4 +1,4 @@
-"""What the simulation's speed can be compared with: its plant alone, compiled by numba and in plain
+"""A measure for the simulation's speed: its plant alone, compiled by numba and in plain
 C (tests/c/plant.c), both along the edges of the same run."""
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ class Watched(SimulatedDrive):
 
 
 def truth(setup: Setup, dry_Nm: float) -> dict[str, float]:
-    """What commissioning should find, under the names of `ALLOWED`."""
+    """The true values that commissioning should find, under the names of `ALLOWED`."""
     machine = Design(setup, setup.parameter).machine  # at the flux reference
     volts, ohms = (
         0.5 * (setup[f"inverter.{what}_switch_{unit}"] + setup[f"inverter.{what}_diode_{unit}"])

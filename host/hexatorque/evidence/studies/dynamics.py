@@ -1,5 +1,5 @@
-"""How fast db-dtfc answers, beside DTC1, DTC3 and DDR: torque steps, speed reversal, load step and
-a sag of the dc link.
+"""The speed of db-dtfc's answers, beside DTC1, DTC3 and DDR: torque steps, speed reversal, load
+step and a sag of the dc link.
 
 Torque steps: the drive follows a torque reference that goes back and forth around the load, so that
 the speed stays. The rise is from 10 to 90 % of the step, in the true torque. The other tests
@@ -106,7 +106,7 @@ def _by_test(result: dict) -> dict[tuple[str, str, float], dict[str, dict]]:
 
 
 def failures(result: dict) -> list[str]:
-    """Where db-dtfc loses the drive, or its torque takes longer than allowed."""
+    """Tests in which db-dtfc loses the drive, or its torque takes longer than allowed."""
     lines = []
     for (test, setup, speed), rows in _by_test(result).items():
         for variant in (v for v in VARIANTS if v.ours):

@@ -1,4 +1,4 @@
-"""What the runs of a fault campaign are judged by: their result, and the checks of the gates."""
+"""The judgement of a fault campaign's runs: their result, and the checks of the gates."""
 
 from __future__ import annotations
 

@@ -154,7 +154,7 @@ def settle_at(
 
 
 def _named(sim: SimulatedDrive, phase: str) -> str:
-    """What is wrong with the fault and its warnings."""
+    """The mistakes in the fault and its warnings."""
     snapshot = sim.snapshot
     if sim.state != firmware.FAULT or snapshot is None:
         return "not found"

@@ -135,7 +135,7 @@ def _sound(of: estimate.Example) -> bool:
 
 @cache
 def _starting_s() -> list[float]:
-    """Of the published machines: the time in which rated power brings the rotor to its speed."""
+    """The time in which rated power brings the published machines' rotors to their speed."""
     return [
         one.inertia_kgm2 * one.synchronous_rad_s**2 / (1e3 * one.power_kW)
         for one in published.machines()

@@ -195,6 +195,27 @@ ALWAYS_OFF = "magnets above their ceiling, over-current or trip pin: gates off"
 ENCODER = "magnets, encoder lies"
 
 
+def _ended(
+    sim: SimulatedDrive,
+    result: Result,
+    rng: np.random.Generator,
+    safe: Callable[[SimulatedDrive], bool],
+    more: int,
+    record: bool,
+) -> np.ndarray:
+    """Take the drive out of RUN, and let it run until it is safe, at most `more` periods beyond
+    those of what ends it. The legs' states before."""
+    end, most = ENDS[str(rng.choice(list(ENDS)))]
+    sim.log_edges(500_000)
+    legs = np.array(sim.inverter.leg)
+    end(sim)
+    sim.set("load_Nm", 0.0)
+    while not safe(sim) and result.periods < most + more:
+        sim.run(sim.period_s, record=record)
+        result.periods += 1
+    return legs
+
+
 def below(scheme: str, setup: str, seed: int) -> Result:
     """No current flows after 5 ms, and no gate is on."""
     rng = np.random.default_rng(seed)
@@ -202,14 +223,7 @@ def below(scheme: str, setup: str, seed: int) -> Result:
     sim, design, _ = _about_ceiling(result, (0.2, 0.85), 0.4, rng)
     if result.error:
         return result
-    end, most = ENDS[str(rng.choice(list(ENDS)))]
-    sim.log_edges(500_000)
-    legs = np.array(sim.inverter.leg)
-    end(sim)
-    sim.set("load_Nm", 0.0)
-    while not gates_off(sim) and result.periods < most + 1:
-        sim.run(sim.period_s, record=False)
-        result.periods += 1
+    legs = _ended(sim, result, rng, gates_off, 1, record=False)
     sim.run(ENDED_S, record=False)
     sim.discard()
     sim.run(0.05)
@@ -229,14 +243,7 @@ def above(scheme: str, setup: str, seed: int) -> Result:
     sim, design, ceiling_rpm = _about_ceiling(result, ABOVE_CEILING, 0.2, rng)
     if result.error:
         return result
-    end, most = ENDS[str(rng.choice(list(ENDS)))]
-    sim.log_edges(500_000)
-    legs = np.array(sim.inverter.leg)
-    end(sim)
-    sim.set("load_Nm", 0.0)
-    while not _shorted(sim) and result.periods < most + SOON:
-        sim.run(sim.period_s)
-        result.periods += 1
+    legs = _ended(sim, result, rng, _shorted, SOON, record=True)
     if not _shorted(sim):
         result.error = "no short circuit"
         return _judged(sim, result, legs)

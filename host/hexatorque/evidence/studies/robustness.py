@@ -173,8 +173,8 @@ def point_name(point: tuple) -> str:
 
 
 def failures(result: dict) -> list[str]:
-    """Where db-dtfc does not hold a point, or has more torque ripple or distortion than the best
-    of the other schemes with the same error."""
+    """Points that db-dtfc does not hold, or at which it has more torque ripple or distortion than
+    the best of the other schemes with the same error."""
     ours = {v.label for v in VARIANTS if v.ours}
     lines = []
     for point, by_error in _by_point(result).items():

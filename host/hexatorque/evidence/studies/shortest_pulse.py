@@ -1,4 +1,4 @@
-"""What the shortest gate pulse costs: torque ripple and distortion with and without it.
+"""The cost of the shortest gate pulse: torque ripple and distortion with and without it.
 
 Without it is a board whose power stage takes any pulse: the firmware then keeps the dead time
 alone. The schemes of two stages decide at each period's start, so only one of them is here.

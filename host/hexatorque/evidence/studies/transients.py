@@ -65,7 +65,7 @@ def prepared(setup: Setup, scheme: str) -> tuple[Setup, float]:
 
 
 def _accelerate_s(design: Design, step_rpm: float) -> float:
-    """For a step of the speed with half of the torque limit."""
+    """The changes for a step of the speed with half of the torque limit."""
     torque_Nm = 0.5 * design.parameter("torque_limit_Nm")
     return design.machine.inertia_kgm2 * rad_s(step_rpm) / torque_Nm
 

@@ -29,6 +29,7 @@ from numba.extending import overload
 from .. import machine
 from ..columns import add_columns
 from ..compiled import compiled
+from ..elementary import exp, tanh, turned
 from ..heat import HEAT
 from ..load import load_torque
 from ..machine import implements
@@ -146,7 +147,7 @@ def fastest_per_s(m: np.record) -> float:
 @compiled
 def iron_torque(m, y, omega):
     """What the iron's loss takes of the torque."""
-    per_Wb2 = m.hysteresis * np.tanh(omega / IRON_RAD_S) + m.eddy * omega
+    per_Wb2 = m.hysteresis * tanh(omega / IRON_RAD_S) + m.eddy * omega
     return per_Wb2 * (y[0] * y[0] + y[1] * y[1])
 
 
@@ -303,10 +304,11 @@ def coast(m, load, y, dt, most_V):
     y[6] = end
     w = m.pole_pairs * mean
     # Exponential with the rate at mid-step: exact while the rate is constant.
-    ratio, rate = open_rotor(m, psi_r * np.exp(-0.5 * rate * dt))
-    decay = np.exp(-rate * dt)
-    c = np.cos(w * dt) * decay
-    s = np.sin(w * dt) * decay
+    ratio, rate = open_rotor(m, psi_r * exp(-0.5 * rate * dt))
+    decay = exp(-rate * dt)
+    turn = turned(w * dt)
+    c = turn.real * decay
+    s = turn.imag * decay
     psi = y[4]
     y[4] = c * psi - s * y[5]
     y[5] = s * psi + c * y[5]

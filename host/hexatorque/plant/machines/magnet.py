@@ -27,11 +27,12 @@ import numpy as np
 
 from .. import machine
 from ..compiled import compiled
+from ..elementary import sin, turned
 from ..heat import HEAT
 from ..load import load_torque
 from ..machine import implements
 from ..record import record
-from ..vsd import transform
+from ..vsd import angles_rad, exp_j, transform
 from .magnet_parameters import ORDERS, Parameters
 
 RECORD = np.dtype(
@@ -68,11 +69,11 @@ def _harmonics(p: Parameters) -> tuple[np.ndarray, np.ndarray]:
     exp(j n t) and the one that turns with exp(-j n t)."""
     rows = transform(p.displacement_deg)
     planes = np.array([rows[0] + 1j * rows[1], rows[2] + 1j * rows[3]])
-    angles = np.angle(planes[0])
+    angles = angles_rad(p.displacement_deg)
     forwards, backwards = np.zeros((2, 4), complex), np.zeros((2, 4), complex)
     for k, (order, share, deg) in enumerate(zip(ORDERS, p.emf_share, p.emf_deg)):
-        size = p.psi_f_Wb * share / order * np.exp(1j * np.deg2rad(deg))
-        of_phases = 0.5 * size * np.exp(-1j * order * angles)
+        size = p.psi_f_Wb * share / order * exp_j(np.deg2rad(deg))
+        of_phases = 0.5 * size * np.array([exp_j(-order * angle) for angle in angles])
         forwards[:, k] = planes @ of_phases
         backwards[:, k] = planes @ of_phases.conj()
     return forwards, backwards
@@ -116,10 +117,9 @@ def make(p: Parameters) -> np.record:
 def initial(m: np.record) -> np.ndarray:
     """The magnets' flux, no current, at rest."""
     y = np.zeros(8)
-    turn = np.exp(1j * m.start_rad)
-    flux = np.array([m.psi_f_Wb * turn, 0])
-    orders = np.array(ORDERS)
-    flux += m.forwards @ turn**orders + m.backwards @ turn**-orders
+    flux = np.array([m.psi_f_Wb * exp_j(m.start_rad), 0])
+    turns = np.array([exp_j(order * m.start_rad) for order in ORDERS])
+    flux += m.forwards @ turns + m.backwards @ turns.conj()
     y[:4] = flux[0].real, flux[0].imag, flux[1].real, flux[1].imag
     return y
 
@@ -132,8 +132,7 @@ def fastest_per_s(m: np.record) -> float:
 @compiled(inline="always")
 def _turn(m, y):
     """exp(j t) of the d axis."""
-    t = m.start_rad + m.pole_pairs * y[7]
-    return complex(np.cos(t), np.sin(t))
+    return turned(m.start_rad + m.pole_pairs * y[7])
 
 
 @compiled
@@ -174,7 +173,7 @@ def _currents(m, turn, ab, xy, y):
 @compiled(inline="always")
 def _cogging(m, theta):
     """Torque with which the magnets hold the shaft against the teeth."""
-    return m.cogging_Nm * np.sin(m.cogging_per_rev * theta)
+    return m.cogging_Nm * sin(m.cogging_per_rev * theta)
 
 
 @compiled

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 #: The set-up of every figure, and the one that keeps all printed values.
 SETUP, PRINTED = "paper-a-feasible", "paper-a"
 SCHEMES = ("fdr", "ddr")
-NAMES = run.SCHEMES
+NAMES = run.LABELS
 #: Lines of the x-y plane that the paper treats: asymmetry causes 1, dead time causes 5 and 7.
 ORDERS = (1, 5, 7)
 #: Switching tables are chaotic in detail, so means are taken over neighbouring speeds. These are

@@ -1,0 +1,194 @@
+"""The temperatures of the inverter's devices: a Foster chain for each, above one heat sink.
+
+A leg has four devices, a switch and a diode at each rail. With the power P of a device, n = 1 .. 4:
+
+    tau_n d theta_n/dt = R_n P - theta_n,     theta_junction = theta_sink + sum of theta_n
+    tau_sink d theta_sink/dt = R_sink (sum of all P) - (theta_sink - ambient)
+
+The compiled loop adds up what conduction needs, |i| and i^2, and the energy of each commutation
+(`add_conduction`, `commutate`). As with the machine's bodies (heat.py), every few milliseconds the
+chains advance under their mean powers, exactly. Then the thresholds and on-resistances follow:
+those of all switches the mean of their junctions, those of all diodes theirs.
+
+A commutation's energy comes from the link's capacitor if there is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .compiled import compiled
+from .legs import HIGH, LOW, OPEN
+from .link import DRIVE_J, V
+from .machine import common_part, current_with
+
+#: Devices of a leg.
+UPPER_SWITCH, UPPER_DIODE, LOWER_SWITCH, LOWER_DIODE = range(4)
+
+JUNCTIONS = np.dtype(
+    [
+        ("on", "i8"),  # 0: temperatures are not followed
+        ("on_J_VA", "f8"),  # energies of a turn-on and a turn-off per volt and ampere
+        ("off_J_VA", "f8"),
+        ("vdc_V", "f8"),  # of a stiff link
+        ("i_A", "f8", (6,)),  # phase currents on the legs at the end of the latest step
+        ("charge_As", "f8", (6, 4)),  # integrals of |i| and i^2 in each device
+        ("square_A2s", "f8", (6, 4)),
+        ("switching_J", "f8", (6, 4)),
+        ("hottest_degC", "f8"),  # for a record
+        ("sink_degC", "f8"),
+    ]
+)
+
+
+@compiled
+def _conduct(junctions, leg, state, i0, i1, dt):
+    """Add a current that is a straight line from i0 to i1 of the same sign."""
+    out = i0 + i1 > 0.0  # of the leg
+    if state == HIGH:
+        device = UPPER_SWITCH if out else UPPER_DIODE
+    elif state == LOW:
+        device = LOWER_DIODE if out else LOWER_SWITCH
+    else:
+        device = LOWER_DIODE if out else UPPER_DIODE
+    junctions.charge_As[leg, device] += 0.5 * dt * abs(i0 + i1)
+    junctions.square_A2s[leg, device] += dt / 3.0 * (i0 * i0 + i0 * i1 + i1 * i1)
+
+
+@compiled
+def add_conduction(inv, m, y, dt):
+    """Add a step that ends with the state y."""
+    junctions = inv.junctions
+    common = common_part(m, y)
+    for leg in range(6):
+        state = inv.leg[leg]
+        if inv.contact.broken[leg] == OPEN:
+            state = inv.command[leg]
+        i0 = junctions.i_A[leg]
+        i1 = current_with(m, y, common, leg)
+        if i0 * i1 < 0.0:
+            first = dt * i0 / (i0 - i1)
+            _conduct(junctions, leg, state, i0, 0.0, first)
+            _conduct(junctions, leg, state, 0.0, i1, dt - first)
+        else:
+            _conduct(junctions, leg, state, i0, i1, dt)
+        junctions.i_A[leg] = i1
+
+
+@compiled
+def _spend(inv, leg, device, J_VA, i):
+    """A commutation of this current in a switch."""
+    link = inv.link
+    v = link.x[V] if link.on != 0 else inv.junctions.vdc_V
+    energy_J = J_VA * v * i
+    if link.on != 0:
+        energy_J = min(energy_J, 0.5 * link.link_F * v * v)
+        link.x[V] = np.sqrt(v * v - 2.0 * energy_J / link.link_F)
+        link.x[DRIVE_J] += energy_J
+    inv.junctions.switching_J[leg, device] += energy_J
+
+
+@compiled
+def commutate(inv, leg, before, after, i):
+    """A leg with the current i changes its state. A switch that carries the current turns off, or
+    one turns on that will carry it; other edges cost nothing."""
+    if before == after:
+        return
+    j = inv.junctions
+    if i > 0.0:
+        if after == HIGH:
+            _spend(inv, leg, UPPER_SWITCH, j.on_J_VA, i)
+        elif before == HIGH:
+            _spend(inv, leg, UPPER_SWITCH, j.off_J_VA, i)
+    elif i < 0.0:
+        if after == LOW:
+            _spend(inv, leg, LOWER_SWITCH, j.on_J_VA, -i)
+        elif before == LOW:
+            _spend(inv, leg, LOWER_SWITCH, j.off_J_VA, -i)
+
+
+#: Kind of each device of a leg, as the set-up names it.
+KIND = ("switch", "diode", "switch", "diode")
+
+
+class Junctions:
+    """The temperatures of one inverter's devices, and its drops.
+
+    junction_degC: (6, 4) on the legs, in the order of KIND; sink_degC: of the heat sink; heat_J,
+    ambient_J: what the losses have brought so far, and what has gone to the ambient.
+    """
+
+    def __init__(
+        self, values: Mapping[str, Any], inverter: np.record, energies: Mapping[str, float]
+    ) -> None:
+        """values: the set-up's section [heat]; energies: e_on_mJ, e_off_mJ, e_ref_V, e_ref_A."""
+        self._values, self._inverter = values, inverter
+        self._lapse = values["time_lapse"]
+        #: (4 devices, 4 pairs) each
+        self._K_W = np.array([values[f"{kind}_K_W"] for kind in KIND], float)
+        self._s = np.array([values[f"{kind}_s"] for kind in KIND], float)
+        self.on = bool(self._K_W.any())
+        self._rises = np.zeros((6, 4, 4))
+        self.sink_degC = float(values["ambient_degC"])
+        self.heat_J = self.ambient_J = 0.0
+        self._stated = {name: float(inverter.devices[name]) for name in _OF}
+        inverter.junctions.on = int(self.on)
+        per_VA = energies["e_ref_V"] * energies["e_ref_A"]
+        if self.on and per_VA > 0:
+            inverter.junctions.on_J_VA = 1e-3 * energies["e_on_mJ"] / per_VA
+            inverter.junctions.off_J_VA = 1e-3 * energies["e_off_mJ"] / per_VA
+        if self.on:
+            self._warm()
+
+    @property
+    def junction_degC(self) -> np.ndarray:
+        return self.sink_degC + self._rises.sum(axis=2)
+
+    @property
+    def sink_J(self) -> float:
+        """What the heat sink stores above the ambient."""
+        v = self._values
+        if v["sink_K_W"] == 0:
+            return 0.0
+        return v["sink_s"] / v["sink_K_W"] * (self.sink_degC - v["ambient_degC"])
+
+    def _warm(self) -> None:
+        """The inverter gets the drops of its temperatures."""
+        v, degC = self._values, self.junction_degC
+        for name, (kind, change) in _OF.items():
+            of_kind = [device for device, k in enumerate(KIND) if k == kind]
+            rise = float(np.mean(degC[:, of_kind])) - v["devices_degC"]
+            share = max(0.0, 1 + v[f"{kind}_{change}_per_K"] * rise)
+            self._inverter.devices[name] = self._stated[name] * share
+        self._inverter.junctions.hottest_degC = degC.max()
+        self._inverter.junctions.sink_degC = self.sink_degC
+
+    def advance(self, time_s: float) -> None:
+        """The losses that have been added up belong to this time."""
+        j, devices = self._inverter.junctions, self._inverter.devices
+        volts = np.array([devices[f"v_{kind}_V"] for kind in KIND])
+        ohms = np.array([devices[f"r_{kind}_ohm"] for kind in KIND])
+        joules = volts * j.charge_As + ohms * j.square_A2s + j.switching_J
+        j.charge_As = j.square_A2s = j.switching_J = 0.0
+        watts, lapse_s = joules / time_s, time_s * self._lapse
+        ends = watts[:, :, None] * self._K_W
+        self._rises = ends + (self._rises - ends) * np.exp(-lapse_s / self._s)
+        v, total_W = self._values, float(watts.sum())
+        self.heat_J += total_W * lapse_s
+        end_degC = v["ambient_degC"] + v["sink_K_W"] * total_W
+        stored_J = self.sink_J
+        self.sink_degC = end_degC + (self.sink_degC - end_degC) * np.exp(-lapse_s / v["sink_s"])
+        self.ambient_J += total_W * lapse_s - (self.sink_J - stored_J)
+        self._warm()
+
+
+#: What of the devices follows which kind's temperature, and by which of its coefficients.
+_OF = {
+    "v_switch_V": ("switch", "V"),
+    "v_diode_V": ("diode", "V"),
+    "r_switch_ohm": ("switch", "ohm"),
+    "r_diode_ohm": ("diode", "ohm"),
+}
