@@ -7,7 +7,7 @@
 #define EQEP_POSITIONS 0x06u
 #define EQEP_CONTROLS 0x14u
 #define EQEP_WORDS 0x1Fu
-#define ABSENT 0xFFFFu   /* ht_c2000_map.h */
+#define ABSENT 0xFFFFu /* ht_c2000_map.h */
 #define PIEACK 0x0CE1u
 
 uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
