@@ -16,6 +16,7 @@ from hexatorque.firmware import BOARDS, ffi, lib
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "first-spin.md"
 LEGS = ("u1", "u2", "w1", "w2", "v1", "v2")
 CURRENTS = tuple(f"current {leg}" for leg in LEGS)
+ANALOGUE = (*CURRENTS, "dc link", "thermistor winding", "thermistor heat sink")
 
 #: LAUNCHXL-F28377S: pins of its headers, as a public pin map of the board has them (that of
 #: Energia's C2000 core). 1..10 are on J1, 11..20 on J2 and so on.
@@ -61,7 +62,7 @@ REMARKS = {
         "ADCINB1": "50 kΩ to ground in the chip",
     },
     "f28335": {
-        **dict.fromkeys(("GPIO13", "GPIO14", "GPIO15"), "pull-up on at reset: see below"),
+        **dict.fromkeys(("GPIO13", "GPIO14", "GPIO15", "GPIO16"), "pull-up on at reset: see below"),
         "GPIO28": "also the card's isolated RS-232 receiver: see below",
         "GPIO29": "also the card's isolated RS-232 driver (card pin 52)",
     },
@@ -81,9 +82,9 @@ def connector(board: str, pin: str) -> str:
 
 
 def channels(board: str) -> list[str]:
-    """The ADC inputs in the order of the samples: six currents, dc link."""
+    """The ADC inputs in the order of the samples: six currents, dc link, two thermistors."""
     table = getattr(lib, f"ht_board_{board}")
-    wanted = list(table.channel)
+    wanted = [*table.channel, *table.slow_channel]
     if table.map.adc_sequencer:
         return [f"ADCIN{'AB'[c // 8]}{c % 8}" for c in wanted]
     chip, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
@@ -102,10 +103,10 @@ def channels(board: str) -> list[str]:
         return [word >> 15 & 15 for word in words if word >> 20 & 31]
 
     a, b = converted(ADC_A_SOC0), converted(ADC_B_SOC0)
-    adcs = "ABABABA" if b else "AAAAAAA"
+    adcs = "ABABABAAB"  # the slow ones come last in each
     for adc, found in (("A", a), ("B", b)):
         expected = [c for c, of in zip(wanted, adcs, strict=True) if of == adc]
-        if found[: len(expected)] != expected:
+        if found != expected:
             raise ValueError(f"{board}: ADC-{adc} converts {found}, not {expected}")
     return [
         f"ADCIN{c}" if c >= 14 else f"ADCIN{adc}{c}" for adc, c in zip(adcs, wanted, strict=True)
@@ -126,10 +127,10 @@ def rows(board: str) -> list[tuple[str, str, str, str, str]]:
     found.append(("encoder B", f"GPIO{table.encoder_b.gpio}", f"EQEP{table.eqep + 1}B"))
     found.append(("serial receive", f"GPIO{table.receive.gpio}", "SCIRXDA"))
     found.append(("serial transmit", f"GPIO{table.transmit.gpio}", "SCITXDA"))
-    for signal, pin in zip(("precharge relay", "brake", "fan"), table.output):
+    for signal, pin in zip(("precharge relay", "brake", "fan", "chopper"), table.output):
         found.append((signal, f"GPIO{pin.gpio}", "GPIO"))
-    for k, (signal, pin) in enumerate(zip((*CURRENTS, "dc link"), channels(board), strict=True)):
-        number = lib.ht_board_cmpss(ffi.addressof(table), k)
+    for k, (signal, pin) in enumerate(zip(ANALOGUE, channels(board), strict=True)):
+        number = k < len(table.channel) and lib.ht_board_cmpss(ffi.addressof(table), k)
         found.append((signal, pin, f"ADC, CMPSS{number}" if number else "ADC"))
     remarks = REMARKS.get(board, {})
     return [

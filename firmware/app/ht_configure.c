@@ -1,6 +1,7 @@
 #include "ht_configure.h"
 
 #include "ht_angle.h"
+#include "ht_limited.h"
 #include "ht_misfit.h"
 
 #include <math.h>
@@ -307,6 +308,8 @@ static void configure_heat(const ht_params *p, ht_heat_config *c)
     c->look_gain = 0.0f;
     if (per_s > 0.0f) {
         c->steps = (float)(uint32_t)(HEAT_STEP / (per_s * slow_s)) + 1.0f;
+    }
+    if ((per_s > 0.0f) || (v[HT_P_device_K_W] > 0.0f)) {
         c->look_gain = 1.0f / (1.0f + HEAT_LOOK_PERIODS * slow_s * v[HT_P_f_isr_Hz] / legs);
     }
     step_s = c->steps * slow_s;
@@ -327,6 +330,35 @@ static void configure_heat(const ht_params *p, ht_heat_config *c)
     c->trip_degC = v[HT_P_winding_trip_degC];
 }
 
+static void configure_device_heat(const float *v, ht_device_heat_config *c)
+{
+    c->K_W = v[HT_P_device_K_W];
+    c->gain = 1.0f / (1.0f + v[HT_P_device_s] * v[HT_P_f_slow_Hz]);
+    c->drop_V = v[HT_P_drop_V];
+    c->ohm = v[HT_P_device_ohm];
+    c->share_V = 1.0e-9f * v[HT_P_device_nJ_VA] * v[HT_P_f_isr_Hz];
+    c->limit_degC = v[HT_P_device_limit_degC];
+    c->trip_degC = v[HT_P_device_trip_degC];
+}
+
+static void configure_sensors(const float *v, ht_drive_config *c)
+{
+    const float readings_Hz = v[HT_P_f_slow_Hz] / (float)HT_SLOW_CHANNELS; /* by turns */
+    ht_ntc_configure(&c->ntc[HT_SLOW_WINDING], v[HT_P_winding_ntc_ohm], v[HT_P_winding_ntc_K],
+                     v[HT_P_ntc_pull_up_ohm], readings_Hz);
+    ht_ntc_configure(&c->ntc[HT_SLOW_SINK], v[HT_P_sink_ntc_ohm], v[HT_P_sink_ntc_K],
+                     v[HT_P_ntc_pull_up_ohm], readings_Hz);
+    c->heat.sensed = v[HT_P_winding_ntc_ohm] > 0.0f;
+    c->heat.heed = 1.0f;
+    if (c->heat.sensed) {
+        c->heat.rs_tells = (uint16_t)HT_RS_TELLS_NOTHING;
+        if (c->heat.steps > 0.0f) {
+            c->heat.heed =
+                ht_limited(HT_HEAT_SENSOR_HEED / (v[HT_P_winding_s] * readings_Hz), 1.0f);
+        }
+    }
+}
+
 /* The dc link's voltage stands for so long before the relay closes, and the relay takes as long. */
 #define CHARGED_S 0.1f
 
@@ -339,6 +371,12 @@ static void configure_outputs(const float *v, ht_outputs_config *c)
     c->closes = v[HT_P_brake_close_s] * v[HT_P_f_slow_Hz];
     c->hold_Nm = v[HT_P_brake_Nm];
     c->fan_after = v[HT_P_fan_s] * v[HT_P_f_slow_Hz];
+    c->chopper_on_V = NO_LEVEL_V;
+    c->chopper_off_V = NO_LEVEL_V;
+    if (v[HT_P_chopper_on_V] > 0.0f) {
+        c->chopper_on_V = v[HT_P_chopper_on_V];
+        c->chopper_off_V = v[HT_P_chopper_off_V];
+    }
 }
 
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
@@ -362,6 +400,8 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->flux.rs_ohm = v[HT_P_rs_ohm];
     configure_vdc(v, &c->vdc);
     configure_heat(&c->params, &c->heat);
+    configure_sensors(v, c);
+    configure_device_heat(v, &c->device_heat);
     c->pull_out_Nm_Wb2 = pull_out(v);
     ht_derating_configure(&c->params, &c->control.observer, &c->derating);
     configure_least_loss(v, c->pull_out_Nm_Wb2, &c->least_loss);

@@ -7,9 +7,11 @@
 #include "ht_alignment.h"
 #include "ht_control.h"
 #include "ht_derating.h"
+#include "ht_device_heat.h"
 #include "ht_excitation.h"
 #include "ht_heat.h"
 #include "ht_least_loss.h"
+#include "ht_ntc.h"
 #include "ht_outputs.h"
 #include "ht_params.h"
 #include "ht_protect.h"
@@ -35,6 +37,7 @@ typedef struct {
     ht_flux_config flux;
     ht_vdc_config vdc;
     ht_heat_config heat;
+    ht_device_heat_config device_heat;
     float omega_mean_gain;
     float lxy_gain;        /**< of L_xy that the check of the legs learns, per slow interrupt */
     float pull_out_Nm_Wb2; /**< torque limit per flux squared */
@@ -50,6 +53,7 @@ typedef struct {
     ht_alignment_config alignment; /**< of a rotor with magnets */
     ht_short_circuit_config short_circuit;
     ht_outputs_config outputs;
+    ht_ntc_config ntc[HT_SLOW_CHANNELS];
 } ht_drive_config;
 
 /** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,

@@ -129,12 +129,51 @@ HT_SELDOM static uint16_t by_comparator(const ht_drive *d)
     return (uint16_t)faults;
 }
 
+/* Faults after which the chopper stays off: the trip chain, which the resistor's thermal switch belongs to,
+ * or no look at the dc link's voltage. Others need it all the more. */
+#define NO_CHOPPER \
+    ((uint32_t)HT_FAULT_EXTERNAL | (uint32_t)HT_FAULT_INTERRUPT | (uint32_t)HT_FAULT_CLOCK)
+
+static void chop(ht_drive *d, bool on)
+{
+    d->chops = (uint16_t)(on ? HT_OUT_CHOPPER : 0);
+    ht_port_outputs(d->port, HT_OUT_CHOPPER, d->chops);
+    ht_drive_look(d);
+}
+
+/* Whatever the state is: an over-voltage must go with the gates off, too. */
+HT_SELDOM static void follow_chopper(ht_drive *d)
+{
+    bool is_on = d->chops != 0u;
+    bool on = ht_outputs_chops(&d->config->outputs, is_on, d->in.vdc_V)
+              && ((d->faults & NO_CHOPPER) == 0u) && !ht_port_trip_pin_low(d->port);
+    if (on != is_on) {
+        chop(d, on);
+    }
+}
+
+void ht_drive_look(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    float above_V = (c->vdc.above_V < c->outputs.chopper_on_V) ? c->vdc.above_V
+                                                               : c->outputs.chopper_on_V;
+    d->look_above_V = (d->chops != 0u) ? -1.0f : above_V;
+}
+
+/* Once in each period. BUILD at standstill and RUN look with the dc link's limits. */
+HT_SELDOM static void look_at_link(ht_drive *d)
+{
+    if (d->in.vdc_V > d->look_above_V) {
+        follow_chopper(d);
+    }
+}
+
 /* Nothing holds the shaft any more. */
 static void close_brake(ht_drive *d)
 {
     if ((d->outputs.on & (uint16_t)HT_OUT_BRAKE) != 0u) {
         d->outputs.on &= (uint16_t)~(unsigned)HT_OUT_BRAKE;
-        ht_port_outputs(d->port, d->outputs.on);
+        ht_port_outputs(d->port, HT_OUT_BRAKE, 0u);
     }
 }
 
@@ -194,6 +233,10 @@ void ht_drive_stand_in(ht_drive *d, uint32_t bits)
         keep(d, state, bits);
     }
     d->faults |= bits;
+    if (d->chops != 0u) {
+        chop(d, false);
+    }
+    ht_drive_look(d);
 }
 
 /* Legs whose gates are on while the drive runs, a state word. */
@@ -461,7 +504,7 @@ static void begin_flux(ht_drive *d)
 static void calibrate(ht_drive *d)
 {
     /* The other ones are of the run before: the slow loop may not have come by since. */
-    uint32_t faults = faults_before(d, false) | (d->slow_faults & HT_FAULT_WINDING);
+    uint32_t faults = faults_before(d, false) | (d->slow_faults & HT_LASTING_FAULTS);
     int leg;
     if (ht_port_trip_pin_low(d->port)) { /* before the gates ever come on */
         faults |= HT_FAULT_EXTERNAL;
@@ -562,14 +605,19 @@ static void end_build(ht_drive *d, float share)
     }
 }
 
-/* The dc link is beyond one of the voltages where its limits begin. */
+/* The dc link is beyond one of the voltages where its limits begin, or its chopper may come on or off. */
 HT_SELDOM static void limit_by_vdc(ht_drive *d)
 {
     const ht_vdc_config *c = &d->config->vdc;
     float vdc_V = d->in.vdc_V;
-    float torque_Nm = ht_vdc_torque_Nm(c, d->torque_ref_Nm, d->torque_limit_Nm,
-                                       d->speed_rpm * RAD_S_PER_RPM,
-                                       d->vdc_from_rpm * RAD_S_PER_RPM, vdc_V);
+    float torque_Nm;
+    follow_chopper(d);
+    if ((d->state != (uint16_t)HT_STATE_RUN) || ((vdc_V <= c->above_V) && (vdc_V >= c->below_V))) {
+        return;
+    }
+    torque_Nm = ht_vdc_torque_Nm(c, d->torque_ref_Nm, d->torque_limit_Nm,
+                                 d->speed_rpm * RAD_S_PER_RPM, d->vdc_from_rpm * RAD_S_PER_RPM,
+                                 vdc_V);
     torque_Nm = (torque_Nm < d->torque_least_Nm) ? d->torque_least_Nm : torque_Nm;
     if (torque_Nm != d->torque_ref_Nm) {
         unsigned acts = (vdc_V > c->above_V) ? (unsigned)HT_LIMIT_VDC_HIGH
@@ -600,8 +648,7 @@ static inline void drive(ht_drive *d, bool build)
         return;
     }
     d->in.torque_ref_Nm = d->torque_ref_Nm; /* 0 in BUILD */
-    if (!build
-        && ((d->in.vdc_V > d->config->vdc.above_V) || (d->in.vdc_V < d->config->vdc.below_V))) {
+    if ((d->in.vdc_V > d->look_above_V) || (!build && (d->in.vdc_V < d->config->vdc.below_V))) {
         limit_by_vdc(d);
     }
     if (build) {
@@ -650,6 +697,7 @@ HT_SELDOM static void align(ht_drive *d)
     uint32_t faults = faults_in_build(d) | d->slow_faults; /* the shaft may swing */
     ht_alignment step;
     ht_compare out;
+    look_at_link(d);
     if (d->state_ticks == 1u) {
         ht_alignment_begin(&c->alignment, &d->rotor);
     }
@@ -710,6 +758,7 @@ HT_SELDOM static bool catch_rotor(ht_drive *d)
     uint32_t faults = faults_in_build(d) | d->slow_faults | d->rotor_faults;
     ht_rotor_catch found = HT_CATCHING;
     ht_compare low;
+    look_at_link(d);
     if (d->state_ticks > 1u) {
         found = ht_rotor_catch_step(&c->control.observer, &d->rotor_catch, omega_rad_s(d),
                                     d->in.axis, current_A(d), c->protect.i_trip_A);
@@ -767,6 +816,7 @@ HT_SELDOM static void catch_shaft(ht_drive *d)
     uint32_t faults = faults_in_build(d) | d->slow_faults;
     float omega = omega_rad_s(d);
     ht_compare out;
+    look_at_link(d);
     if (faults != 0u) {
         fault(d, faults);
         return;
@@ -832,6 +882,7 @@ HT_SELDOM static void take_staged(ht_drive *d)
     d->config = d->staged;
     d->taken_tick = d->tick;
     d->staged = NULL;
+    ht_drive_look(d);
     if (moved) {
         ht_drive_set_levels(d);
     }
@@ -876,15 +927,18 @@ void ht_drive_fast_isr(ht_drive *d)
         break;
     case HT_STATE_CALIBRATE:
         d->state_ticks++;
+        look_at_link(d);
         calibrate(d);
         break;
     case HT_STATE_TEST:
         d->state_ticks++;
+        look_at_link(d);
         test(d);
         break;
     case HT_STATE_IDLE: /* no tick: a start that this interrupt comes into would lose it */
     case HT_STATE_FAULT:
     default:
+        look_at_link(d);
         stay_off(d);
         break;
     }

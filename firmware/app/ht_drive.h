@@ -26,6 +26,11 @@
 #include "ht_configure.h"
 #include "ht_rotor_catch.h"
 
+/** Faults of the slow interrupt that a start finds, too: they are no run's. */
+#define HT_LASTING_FAULTS                                                                   \
+    (HT_FAULT_WINDING | HT_FAULT_WINDING_OPEN | HT_FAULT_WINDING_SHORT | HT_FAULT_SINK_OPEN \
+     | HT_FAULT_SINK_SHORT | HT_FAULT_DEVICE)
+
 /* The number after the last one is how many there are. */
 typedef enum {
 #define HT_STATE(name, number, text, flags) HT_STATE_##name = (number),
@@ -105,6 +110,7 @@ typedef struct {
     uint16_t vdc_acts;     /**< HT_LIMIT_VDC_...: which limit acted since the last slow interrupt */
     uint16_t limits;       /**< HT_LIMIT_...: which limits act */
     uint16_t stuck_leg;    /**< leg whose sensor and trip latch are checked next */
+    uint16_t chops;        /**< HT_OUT_CHOPPER while the chopper is on */
     ht_samples samples;    /**< latest */
     volatile uint32_t position_now;
     float offset_counts[HT_LEGS]; /**< calibrated zero of each current channel */
@@ -113,6 +119,7 @@ typedef struct {
     float turn_per_count; /**< electrical rad */
     float speed_rpm;
     float vdc_from_rpm;  /**< size of the speed when the dc link came beyond `above_V` */
+    float look_above_V;  /**< above it the dc link needs the chopper or a limit, or may */
     float torque_ref_Nm; /**< slow loop to fast loop */
     float flux_ref_Wb;   /**< the flux reference: written by the fast interrupt in
                                     *   BUILD, by the slow one in RUN */
@@ -128,21 +135,23 @@ typedef struct {
      * slow interrupt noticed the latest one. */
     volatile uint16_t trips_forgotten;
     uint16_t trips_noticed;
-    volatile uint16_t quiet_s; /**< whole seconds */
-    float quiet_part_s;        /**< and the rest */
-    float flux_ramp_Wb;        /**< the parameter flux_ref_Wb as it is approached; field
+    volatile uint16_t quiet_s;        /**< whole seconds */
+    float quiet_part_s;               /**< and the rest */
+    float flux_ramp_Wb;               /**< the parameter flux_ref_Wb as it is approached; field
                                     *   weakening goes below */
-    float omega_mean_rad_s;    /**< flux speed, slow mean */
-    float torque_limit_Nm;     /**< of the torque reference, as it is now */
-    float torque_least_Nm;     /**< below 0: the same for a negative one */
-    ht_ramp_state ramp;        /**< of the speed reference */
-    float stop_ticks;          /**< slow interrupts since the stop began */
-    uint16_t motion;           /**< as the latest slow interrupt found it */
-    uint16_t heat_warnings;    /**< the slow interrupt's own: it must not write `warnings` */
-    ht_set_difference sets;    /**< learnt; a stop does not forget it */
-    ht_heat_state heat;        /**< nothing but a reset forgets it */
-    float built;               /**< slow interrupts of a build-up that adapted R_s */
-    float heat_share;          /**< of the torque limit, that the winding's temperature leaves */
+    float omega_mean_rad_s;           /**< flux speed, slow mean */
+    float torque_limit_Nm;            /**< of the torque reference, as it is now */
+    float torque_least_Nm;            /**< below 0: the same for a negative one */
+    ht_ramp_state ramp;               /**< of the speed reference */
+    float stop_ticks;                 /**< slow interrupts since the stop began */
+    uint16_t motion;                  /**< as the latest slow interrupt found it */
+    uint16_t heat_warnings;           /**< the slow interrupt's own: it must not write `warnings` */
+    ht_set_difference sets;           /**< learnt; a stop does not forget it */
+    ht_heat_state heat;               /**< nothing but a reset forgets it */
+    float built;                      /**< slow interrupts of a build-up that adapted R_s */
+    ht_device_heat_state device_heat; /**< the same */
+    float heat_share;                 /**< of the torque limit, that the temperatures leave */
+    uint32_t heat_faults;
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;
@@ -164,7 +173,11 @@ typedef struct {
     uint32_t limit_from[HT_LIMITS]; /**< tick at which each limit began to act, the latest time */
     uint32_t limit_to[HT_LIMITS];   /**< and at which it was last seen to */
     ht_outputs_state outputs;       /**< a fault closes the brake in the fast one all the same */
-    uint16_t torque_limited_by;     /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
+    ht_ntc_state ntc[HT_SLOW_CHANNELS]; /**< as the temperatures, kept but for a reset */
+    uint16_t
+        slow_channel; /**< whose reading comes next; HT_SLOW_CHANNELS: none was asked for yet */
+    uint16_t sensors[HT_SLOW_CHANNELS]; /**< ht_ntc: what their latest readings say */
+    uint16_t torque_limited_by; /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. No interrupt
@@ -211,6 +224,12 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
                          uint16_t *at);
 /** Current value; NaN-free. Returns 0 for an unknown id. */
 float ht_drive_get(const ht_drive *d, uint16_t id);
+
+/** Temperature of the heat sink, or of the ambient as long as no thermistor tells it. */
+float ht_drive_sink_degC(const ht_drive *d);
+
+/** Temperature of the power stage's hottest leg; the heat sink's without a model. */
+float ht_drive_device_degC(const ht_drive *d);
 
 /** Telemetry channels (ht_channels.def). */
 typedef struct {

@@ -29,6 +29,9 @@ static inline void ht_drive_set_flux_ref(ht_drive *d, float flux_Wb)
     d->in.inv_flux_ref2 = (flux_Wb > 0.0f) ? (1.0f / (flux_Wb * flux_Wb)) : 0.0f;
 }
 
+/** From which voltage of the dc link on the fast interrupt looks closer. */
+void ht_drive_look(ht_drive *d);
+
 /** The levels of the comparators, around the offsets in force. */
 HT_SELDOM void ht_drive_set_levels(ht_drive *d);
 

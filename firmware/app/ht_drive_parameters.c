@@ -6,6 +6,7 @@
 #include <stddef.h>
 
 #define PI_F 3.14159265f
+#define ALL_OUTPUTS 0xFFFFu
 
 /* Where the next configuration is written, in `*next`: the copy that is not in force. The interrupt
  * takes nothing over until `staged` is set again. Returns what was staged and not taken yet, or NULL. */
@@ -77,6 +78,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     d->params = next->params;
     ht_configure_rest(port, next);
     d->config = next;
+    ht_drive_look(d);
     set_scales(d);
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_counts[leg] = (float)HT_ADC_MID;
@@ -134,7 +136,8 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     }
     (void)unstage(d, &next); /* memory may hold anything */
     next->params = *p;
-    d->tick = 0u; /* before the set-up, which reads it */
+    d->tick = 0u; /* before the set-up, which reads them */
+    d->chops = 0u;
     for (row = 0u; row < (uint16_t)HT_LIMITS; row++) {
         d->limit_from[row] = 0u;
         d->limit_to[row] = 0u;
@@ -153,8 +156,15 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     d->heat_share = 1.0f;
     d->built = 0.0f;
     ht_outputs_reset(&d->outputs);
-    ht_port_outputs(port, 0u);
+    ht_port_outputs(port, ALL_OUTPUTS, 0u);
     ht_heat_reset(&d->heat);
+    ht_device_heat_reset(&d->device_heat);
+    d->heat_faults = 0u;
+    for (row = 0u; row < (uint16_t)HT_SLOW_CHANNELS; row++) {
+        ht_ntc_reset(&d->ntc[row]);
+        d->sensors[row] = (uint16_t)HT_NTC_WHOLE;
+    }
+    d->slow_channel = (uint16_t)HT_SLOW_CHANNELS;
     d->snapshot.tick = 0u;
     d->end_counts = 0u;
     d->trips = 0u;

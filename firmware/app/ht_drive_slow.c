@@ -572,23 +572,82 @@ static void hear_build(ht_drive *d, const ht_drive_config *c)
     }
 }
 
+/* One thermistor after the other, if there is any. */
+static void read_sensors(ht_drive *d, const ht_drive_config *c)
+{
+    uint16_t channel = d->slow_channel;
+    bool asked = channel < (uint16_t)HT_SLOW_CHANNELS;
+    uint16_t next = (channel == (uint16_t)HT_SLOW_WINDING) ? (uint16_t)HT_SLOW_SINK
+                                                           : (uint16_t)HT_SLOW_WINDING;
+    uint16_t reading;
+    if (!(c->ntc[HT_SLOW_WINDING].pull_share > 0.0f) && !(c->ntc[HT_SLOW_SINK].pull_share > 0.0f)) {
+        d->slow_channel = (uint16_t)HT_SLOW_CHANNELS;
+        return;
+    }
+    reading = ht_port_read_slow(d->port, asked ? channel : 0u, next);
+    d->slow_channel = next;
+    if (!asked) {
+        return;
+    }
+    d->sensors[channel] = (uint16_t)HT_NTC_WHOLE;
+    if (c->ntc[channel].pull_share > 0.0f) {
+        d->sensors[channel] = (uint16_t)ht_ntc_take(&c->ntc[channel], &d->ntc[channel], reading);
+    } else {
+        ht_ntc_reset(&d->ntc[channel]);
+    }
+    if ((channel == (uint16_t)HT_SLOW_WINDING) && !(d->ntc[channel].missed > 0.0f)
+        && ht_ntc_tells(&c->ntc[channel], &d->ntc[channel])) {
+        ht_heat_measured(&c->heat, &d->heat, d->ntc[channel].degC);
+    }
+}
+
+/* What the sensors say of themselves. */
+static uint32_t broken_sensors(const ht_drive *d)
+{
+    uint32_t faults = 0u;
+    if (d->sensors[HT_SLOW_WINDING] != (uint16_t)HT_NTC_WHOLE) {
+        faults |= (d->sensors[HT_SLOW_WINDING] == (uint16_t)HT_NTC_OPEN) ? HT_FAULT_WINDING_OPEN
+                                                                         : HT_FAULT_WINDING_SHORT;
+    }
+    if (d->sensors[HT_SLOW_SINK] != (uint16_t)HT_NTC_WHOLE) {
+        faults |= (d->sensors[HT_SLOW_SINK] == (uint16_t)HT_NTC_OPEN) ? HT_FAULT_SINK_OPEN
+                                                                      : HT_FAULT_SINK_SHORT;
+    }
+    return faults;
+}
+
+/* Share of the torque that the power stage's temperature leaves. */
+static float device_share(const ht_drive *d, const ht_drive_config *c)
+{
+    const ht_device_heat_config *device = &c->device_heat;
+    bool watched = (device->K_W > 0.0f)
+                   || ht_ntc_tells(&c->ntc[HT_SLOW_SINK], &d->ntc[HT_SLOW_SINK]);
+    return watched ? ht_heat_left(ht_drive_device_degC(d), device->limit_degC, device->trip_degC)
+                   : 1.0f;
+}
+
 /* The machine cools in every state. Gates that are on need a winding that is not too hot. */
 static void follow_heat(ht_drive *d, const ht_drive_config *c)
 {
     bool powered = (ht_state_flags(d->state) & (unsigned)HT_GATES_ON) != 0u;
-    float winding_degC;
+    float winding;
+    float device;
     hear_build(d, c);
     ht_heat_step(&c->heat, &d->heat, powered, frame_W(d, c), telling_ohm(d, c));
-    winding_degC = ht_heat_winding_degC(&c->heat, &d->heat);
-    d->heat_share = ht_heat_share(&c->heat, winding_degC);
-    d->heat_warnings = (d->heat_share < 1.0f) ? (uint16_t)HT_WARNING_WINDING : 0u;
+    read_sensors(d, c);
+    ht_device_heat_step(&c->device_heat, &d->device_heat, d->heat.square_A2, powered, d->in.vdc_V);
+    winding = ht_heat_share(&c->heat, ht_heat_winding_degC(&c->heat, &d->heat));
+    device = device_share(d, c);
+    d->heat_share = (winding < device) ? winding : device;
+    d->heat_warnings = (uint16_t)(((winding < 1.0f) ? (unsigned)HT_WARNING_WINDING : 0u)
+                                  | ((device < 1.0f) ? (unsigned)HT_WARNING_DEVICE : 0u));
+    /* It need not be so that there is a limit before the trip. */
+    d->heat_faults = broken_sensors(d) | ((winding > 0.0f) ? 0u : HT_FAULT_WINDING)
+                     | ((device > 0.0f) ? 0u : HT_FAULT_DEVICE);
 }
 
-/* The winding is too hot. It need not be so that there is a limit before the trip. */
-static uint32_t too_hot(const ht_drive *d)
-{
-    return (d->heat_share > 0.0f) ? 0u : HT_FAULT_WINDING;
-}
+/* The others are the fast interrupt's. */
+#define SWITCHED ((uint16_t)HT_OUT_PRECHARGE | (uint16_t)HT_OUT_BRAKE | (uint16_t)HT_OUT_FAN)
 
 /* The fast interrupt may come in between and find a fault: its brake must not open again. */
 static void switch_outputs(ht_drive *d, const ht_drive_config *c)
@@ -608,10 +667,10 @@ static void switch_outputs(ht_drive *d, const ht_drive_config *c)
         return;
     }
     d->outputs.on = on;
-    ht_port_outputs(d->port, on);
+    ht_port_outputs(d->port, SWITCHED, on);
     if ((on != others) && (d->state != (uint16_t)HT_STATE_RUN)) {
         d->outputs.on = others;
-        ht_port_outputs(d->port, others);
+        ht_port_outputs(d->port, SWITCHED, others);
     }
 }
 
@@ -634,7 +693,7 @@ void ht_drive_slow_isr(ht_drive *d)
     if (d->state == (uint16_t)HT_STATE_RUN) {
         faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm,
                                  d->in.inv_flux_ref2);
-        d->slow_faults = faults | too_hot(d);
+        d->slow_faults = faults | d->heat_faults;
         if (c->control.observer.magnets) {
             ht_leg_loss_tolerate(&d->control.leg_loss, c->params.v[HT_P_rs_ohm],
                                  c->params.v[HT_P_lxy_H], d->control.observer.omega_sync_rad_s);
@@ -654,7 +713,19 @@ void ht_drive_slow_isr(ht_drive *d)
         if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->control.observer.magnets) {
             faults = follow_build(d, c);
         }
-        d->slow_faults = faults | too_hot(d);
+        d->slow_faults = faults | d->heat_faults;
     }
     switch_outputs(d, c);
+}
+
+float ht_drive_sink_degC(const ht_drive *d)
+{
+    const ht_drive_config *c = ht_config_in_force(d);
+    bool tells = ht_ntc_tells(&c->ntc[HT_SLOW_SINK], &d->ntc[HT_SLOW_SINK]);
+    return tells ? d->ntc[HT_SLOW_SINK].degC : c->heat.ambient_degC;
+}
+
+float ht_drive_device_degC(const ht_drive *d)
+{
+    return ht_device_heat_degC(&d->device_heat, ht_drive_sink_degC(d));
 }

@@ -16,6 +16,11 @@ enum {
 #undef HT_FAULT_ENUMERATORS
 #define HT_FAULT_PHASE 0x8000u
 #define HT_FAULT_WINDING 0x10000u
+#define HT_FAULT_WINDING_OPEN 0x20000u
+#define HT_FAULT_WINDING_SHORT 0x40000u
+#define HT_FAULT_SINK_OPEN 0x80000u
+#define HT_FAULT_SINK_SHORT 0x100000u
+#define HT_FAULT_DEVICE 0x200000u
 
 enum {
 #define HT_WARNING(name, bit, text, help) HT_WARNING_##name = (bit),

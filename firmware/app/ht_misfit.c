@@ -2,6 +2,7 @@
 
 #include "ht_lost_legs.h"
 #include "ht_magnet.h"
+#include "ht_ntc.h"
 #include "ht_schemes.h"
 #include "port.h"
 
@@ -251,7 +252,7 @@ static bool vdc_fits(const ht_params *p, uint16_t misfit)
     return result;
 }
 
-/* What relay and brake demand. */
+/* What relay, brake and chopper demand. */
 static bool outputs_fit(const float *v, uint16_t misfit)
 {
     bool result = true;
@@ -259,6 +260,9 @@ static bool outputs_fit(const float *v, uint16_t misfit)
         result = (v[HT_P_precharge_V] == 0.0f)
                  || ((v[HT_P_precharge_V] > 1.03f * v[HT_P_vdc_min_V])
                      && (v[HT_P_precharge_V] < v[HT_P_vdc_max_V]));
+    } else if (misfit == (uint16_t)HT_MISFIT_CHOPPER_OFF) {
+        result = (v[HT_P_chopper_on_V] == 0.0f)
+                 || (v[HT_P_chopper_off_V] > 1.03f * v[HT_P_vdc_min_V]);
     } else {
         float negative_Nm = v[HT_P_torque_negative_Nm];
         float most_Nm = v[HT_P_torque_limit_Nm];
@@ -268,6 +272,24 @@ static bool outputs_fit(const float *v, uint16_t misfit)
         result = (v[HT_P_brake_open_s] == 0.0f) || (fabsf(v[HT_P_brake_Nm]) <= most_Nm);
     }
     return result;
+}
+
+/* What a thermistor demands. */
+static bool ntc_fits(const float *v, uint16_t ohm, uint16_t beta_K, float hot_degC)
+{
+    ht_ntc_config c;
+    if (v[ohm] == 0.0f) {
+        return true;
+    }
+    ht_ntc_configure(&c, v[ohm], v[beta_K], v[HT_P_ntc_pull_up_ohm], 1.0f);
+    return ht_ntc_reaches(&c, hot_degC);
+}
+
+float ht_misfit_ntc_degC(const ht_params *p, uint16_t misfit)
+{
+    const float most = (float)HT_NTC_HOT_DEGC;
+    float trip_degC = p->v[HT_P_winding_trip_degC];
+    return ((misfit == (uint16_t)HT_MISFIT_WINDING_NTC) && (trip_degC > most)) ? trip_degC : most;
 }
 
 static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
@@ -336,15 +358,27 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         result = (v[HT_P_winding_K_W] == 0.0f)
                  || (v[HT_P_winding_limit_degC] > v[HT_P_ambient_degC]);
         break;
+    case HT_MISFIT_DEVICE_AMBIENT:
+        result = (v[HT_P_device_K_W] == 0.0f) || (v[HT_P_device_limit_degC] > v[HT_P_ambient_degC]);
+        break;
     case HT_MISFIT_HEAT_TIMES:
         result = ht_misfit_heat_per_s(p) <= 0.125f * v[HT_P_f_slow_Hz];
         break;
     case HT_MISFIT_PRECHARGE:
     case HT_MISFIT_BRAKE:
+    case HT_MISFIT_CHOPPER_OFF:
         result = outputs_fit(v, misfit);
         break;
     case HT_MISFIT_HEAT_RS:
         result = (v[HT_P_rs_tells] == 0.0f) || learns_rs(v);
+        break;
+    case HT_MISFIT_WINDING_NTC:
+        result = ntc_fits(v, (uint16_t)HT_P_winding_ntc_ohm, (uint16_t)HT_P_winding_ntc_K,
+                          ht_misfit_ntc_degC(p, misfit));
+        break;
+    case HT_MISFIT_SINK_NTC:
+        result = ntc_fits(v, (uint16_t)HT_P_sink_ntc_ohm, (uint16_t)HT_P_sink_ntc_K,
+                          ht_misfit_ntc_degC(p, misfit));
         break;
     case HT_MISFIT_STOP_TIME:
         result = v[HT_P_stop_s] >= ht_misfit_stop_s(p);

@@ -39,6 +39,9 @@ float ht_misfit_band_V(const ht_params *p);
 
 /** Largest rate at which the thermal model changes, 1/s; 0: heat is not watched. */
 float ht_misfit_heat_per_s(const ht_params *p);
+/** Highest temperature that the readings of a misfit's thermistor must tell. */
+float ht_misfit_ntc_degC(const ht_params *p, uint16_t misfit);
+
 /** Least `stop_s`: what the ramps take from `speed_trip_rpm` down; 0 without a ramp. */
 float ht_misfit_stop_s(const ht_params *p);
 

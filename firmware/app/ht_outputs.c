@@ -59,6 +59,11 @@ uint16_t ht_outputs_step(const ht_outputs_config *cfg, ht_outputs_state *st, flo
     return (uint16_t)on;
 }
 
+bool ht_outputs_chops(const ht_outputs_config *cfg, bool on, float vdc_V)
+{
+    return vdc_V > (on ? cfg->chopper_off_V : cfg->chopper_on_V);
+}
+
 static void enter(ht_outputs_state *st, ht_brake brake)
 {
     st->brake = (uint16_t)brake;

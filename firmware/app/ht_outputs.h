@@ -1,6 +1,7 @@
 /** @file ht_outputs.h
- *  Relay of the precharge, holding brake and fan, each by a pin of the board. The slow interrupt
- *  decides; a fault closes the brake in the fast interrupt that finds it.
+ *  Relay of the precharge, holding brake, fan and braking chopper, each by a pin of the board. The slow
+ *  interrupt decides; a fault closes the brake in the fast interrupt that finds it. The chopper is the
+ *  fast interrupt's: a slow period charges a link by tens of volts.
  *
  *  Precharge: a resistor charges the dc link until the relay bridges it. It does when the voltage is above
  *  a level and stands, and opens when the voltage has gone, or the next source would charge without it.
@@ -31,12 +32,14 @@ typedef struct {
     float stands; /**< the voltage must stand for so long, and the relay takes as long to close */
     float opens;  /**< time in which the brake opens; 0: there is none */
     float closes;
-    float hold_Nm;   /**< torque before it opens */
-    float fan_after; /**< time for which the fan goes on; 0: there is none */
+    float hold_Nm;      /**< torque before it opens */
+    float fan_after;    /**< time for which the fan goes on; 0: there is none */
+    float chopper_on_V; /**< out of reach if there is none */
+    float chopper_off_V;
 } ht_outputs_config;
 
 typedef struct {
-    uint16_t on;     /**< HT_OUT_... (port.h), as they were written last */
+    uint16_t on;     /**< HT_OUT_... (port.h) without the chopper, as they were written last */
     uint16_t brake;  /**< ht_brake */
     float brake_for; /**< slow interrupts of its phase */
     float vdc_V;     /**< the voltage stands near this, ... */
@@ -50,6 +53,9 @@ void ht_outputs_reset(ht_outputs_state *st);
 /** Slow interrupt: relay and fan, HT_OUT_... `works`: the drive works, or its winding is warm. */
 uint16_t ht_outputs_step(const ht_outputs_config *cfg, ht_outputs_state *st, float vdc_V,
                          bool works);
+
+/** Fast interrupt: is the chopper to be on that is `on` now? */
+bool ht_outputs_chops(const ht_outputs_config *cfg, bool on, float vdc_V);
 
 /** Is the dc link charged, and the relay closed? */
 bool ht_outputs_charged(const ht_outputs_config *cfg, const ht_outputs_state *st);

@@ -6,11 +6,11 @@
  * where R_s tells it while the drive runs (3.5 K were found), and after a build-up (8 K), which is short. */
 #define TRUST_K 5.0f
 #define BUILT_TRUST_K 10.0f
-/* R_s itself may be learnt up to this rise: what the model may be wrong by is small. */
-#define COLD_K 15.0f
 /* The temperature that R_s tells is followed so many times as quickly as the winding's heat goes to the frame: a wrong model pulls
  * its temperatures back. */
 #define HEED 8.0f
+/* R_s itself may be learnt up to this rise: what the model may be wrong by is small. */
+#define COLD_K 15.0f
 
 static void begin(ht_heat_state *st)
 {
@@ -34,6 +34,7 @@ static void cool(ht_heat_state *st)
     st->frame_rise_K = 0.0f;
     st->ohm_per_K = 0.0f;
     st->telling = 0.0f;
+    st->measured = false;
     begin(st);
 }
 
@@ -75,18 +76,22 @@ static float shown_K(const ht_heat_state *st)
     return (squares_A2 > 0.0f) ? (sum / squares_A2) : 0.0f;
 }
 
+static void move(ht_heat_state *st, float by_K)
+{
+    int leg;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        st->rise_K[leg] += by_K;
+    }
+    st->frame_rise_K += by_K;
+}
+
 /* R_s tells more than what it may be wrong by: take over this share of that. What a wrong temperature is
  * due to is not known; the ambient's, or the one at a reset, is common to both bodies. */
 static void correct(const ht_heat_config *cfg, ht_heat_state *st, float rs_ohm, float share,
                     float trust_K)
 {
     float off_K = rs_ohm / ohm_per_K(cfg, st) - cfg->ambient_K - shown_K(st);
-    float by_K = share * (off_K - ht_limited(off_K, trust_K));
-    int leg;
-    for (leg = 0; leg < HT_LEGS; leg++) {
-        st->rise_K[leg] += by_K;
-    }
-    st->frame_rise_K += by_K;
+    move(st, share * (off_K - ht_limited(off_K, trust_K)));
 }
 
 /* What R_s tells, over this share of a step. It is learnt once: later the model may be wrong, and R_s be
@@ -113,6 +118,13 @@ void ht_heat_built(const ht_heat_config *cfg, ht_heat_state *st, float rs_ohm)
     if (cfg->rs_tells == (uint16_t)HT_RS_TELLS_TEMPERATURE) {
         st->ohm_per_K = cfg->ohm_per_K; /* no longer the first */
     }
+}
+
+void ht_heat_measured(const ht_heat_config *cfg, ht_heat_state *st, float winding_degC)
+{
+    float off_K = winding_degC - cfg->ambient_degC - st->rise_K[0];
+    move(st, st->measured ? (cfg->heed * off_K) : off_K);
+    st->measured = true;
 }
 
 /* Both bodies at once, from the means of the losses since the latest step. */
@@ -150,7 +162,9 @@ void ht_heat_step(const ht_heat_config *cfg, ht_heat_state *st, bool powered, fl
                   float rs_ohm)
 {
     if (!(cfg->steps > 0.0f)) {
-        cool(st);
+        if (!cfg->sensed) {
+            cool(st);
+        }
         return;
     }
     if (powered) {
@@ -182,13 +196,16 @@ float ht_heat_winding_degC(const ht_heat_config *cfg, const ht_heat_state *st)
     return cfg->ambient_degC + most_K;
 }
 
-float ht_heat_share(const ht_heat_config *cfg, float winding_degC)
+float ht_heat_left(float degC, float limit_degC, float trip_degC)
 {
-    if (!(cfg->steps > 0.0f) || (winding_degC <= cfg->limit_degC)) {
+    if (degC <= limit_degC) {
         return 1.0f;
     }
-    if (winding_degC >= cfg->trip_degC) {
-        return 0.0f;
-    }
-    return (cfg->trip_degC - winding_degC) / (cfg->trip_degC - cfg->limit_degC);
+    return (degC >= trip_degC) ? 0.0f : ((trip_degC - degC) / (trip_degC - limit_degC));
+}
+
+float ht_heat_share(const ht_heat_config *cfg, float winding_degC)
+{
+    bool watched = (cfg->steps > 0.0f) || cfg->sensed;
+    return watched ? ht_heat_left(winding_degC, cfg->limit_degC, cfg->trip_degC) : 1.0f;
 }

@@ -12,7 +12,11 @@
  *
  *  The adapted R_s is a second witness where it is exact. A single one of it cannot tell a warm winding
  *  from an R_s that was told too small: 1 % of R_s is 2.5 K. So one of the two must be known at a reset.
- *  What R_s tells is the mean of the parts, weighted by their squared currents: so its drop acts. Steps are as long as the time constants allow: the many small ones of each slow interrupt
+ *  What R_s tells is the mean of the parts, weighted by their squared currents: so its drop acts.
+ *
+ *  A sensor in the winding of u1 beats both: it moves all temperatures to where its own part has the
+ *  measured one, at the first reading at once. Without a thermal resistance
+ *  all parts have the measured temperature. Steps are as long as the time constants allow: the many small ones of each slow interrupt
  *  would be lost in a float.
  */
 #ifndef HT_HEAT_H
@@ -27,6 +31,10 @@
 #define HT_COPPER_PER_K (1.0e-6f * (float)HT_COPPER_PPM_K)
 /** Copper has no resistance at this temperature, as a straight line through that at 20 degC tells. */
 #define HT_COPPER_ZERO_DEGC (20.0f - 1.0f / HT_COPPER_PER_K)
+
+/** A sensor's temperature is followed so many times as quickly as the winding's heat goes to the frame: a
+ *  wrong model pulls its temperatures back. */
+#define HT_HEAT_SENSOR_HEED 16.0f
 
 /** What the adapted R_s tells (parameter `rs_tells`): nothing; the temperature, because rs_ohm is exact;
  *  or R_s itself, once, while the model has the winding cold, and from then on the temperature. */
@@ -44,6 +52,8 @@ typedef struct {
     float ambient_K;      /**< the ambient temperature above that */
     float settled;        /**< slow interrupts until the adaptation has followed */
     uint16_t rs_tells;    /**< HT_RS_TELLS_... */
+    float heed;           /**< share of its difference that a reading of a sensor moves them by */
+    bool sensed;          /**< there is a sensor */
     float ambient_degC;
     float limit_degC; /**< from here on the torque is limited */
     float trip_degC;  /**< and from here on there is none */
@@ -60,6 +70,7 @@ typedef struct {
     float told_ohm;  /**< sum of R_s where it tells the temperature, since the latest step */
     float told;      /**< and how many there are in it */
     float telling;   /**< slow interrupts without a break for which it could */
+    bool measured;   /**< a sensor has told its temperature */
 } ht_heat_state;
 
 /** A cold machine. */
@@ -74,13 +85,19 @@ void ht_heat_step(const ht_heat_config *cfg, ht_heat_state *st, bool powered, fl
  *  is. */
 void ht_heat_built(const ht_heat_config *cfg, ht_heat_state *st, float rs_ohm);
 
+/** A sensor in the winding of the first leg has this temperature. */
+void ht_heat_measured(const ht_heat_config *cfg, ht_heat_state *st, float winding_degC);
+
 /** R_s at the model's temperatures, mean of the parts. */
 float ht_heat_rs_ohm(const ht_heat_config *cfg, const ht_heat_state *st);
 
 /** Temperature of the hottest part of the winding. */
 float ht_heat_winding_degC(const ht_heat_config *cfg, const ht_heat_state *st);
 
-/** Share of the torque that a winding of this temperature leaves: 1 up to the limit, 0 at the trip. */
+/** Share of the torque that a temperature leaves: 1 up to the limit, 0 at the trip. */
+float ht_heat_left(float degC, float limit_degC, float trip_degC);
+
+/** The same of a winding. */
 float ht_heat_share(const ht_heat_config *cfg, float winding_degC);
 
 #endif

@@ -13,7 +13,7 @@
 #include "ht_pil_side.h"
 #include "ht_reader.h"
 
-#define HT_PIL_VERSION 9u
+#define HT_PIL_VERSION 10u
 
 /** Telemetry channels at most. */
 enum { HT_PIL_CHANNELS = 64 };

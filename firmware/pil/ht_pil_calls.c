@@ -53,6 +53,9 @@ void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in)
     ht_packet_add8(p, flags);
     ht_packet_add8(p, in->tripped);
     ht_packet_add8(p, in->beyond);
+    for (channel = 0u; channel < (uint16_t)HT_SLOW_CHANNELS; channel++) {
+        ht_packet_add16(p, in->slow[channel]);
+    }
 }
 
 void ht_pil_inputs_take(ht_reader *r, ht_pil_inputs *in)
@@ -68,6 +71,9 @@ void ht_pil_inputs_take(ht_reader *r, ht_pil_inputs *in)
     flags = ht_read8(r);
     in->tripped = ht_read8(r);
     in->beyond = ht_read8(r);
+    for (channel = 0u; channel < (uint16_t)HT_SLOW_CHANNELS; channel++) {
+        in->slow[channel] = ht_read16(r);
+    }
     in->capture.event = (flags & (uint16_t)EVENT) != 0u;
     in->capture.overflow = (flags & (uint16_t)OVERFLOW) != 0u;
     in->capture.reversed = (flags & (uint16_t)REVERSED) != 0u;

@@ -13,8 +13,8 @@
  *    `ht_port_ack_fast` from the fast interrupt only (`ht_port_read` from the set-up as well, and from the slow interrupt when no fast one comes any
  *    more). None blocks; each takes a fixed number of
  *    register accesses.
- *  - `ht_port_read_capture` from the slow interrupt only, which the fast one may
- *    interrupt. It clears the flags that it reports.
+ *  - `ht_port_read_capture` and `ht_port_read_slow` from the slow interrupt only, which the fast one may
+ *    interrupt. The former clears the flags that it reports.
  *  - `ht_port_gates_off` also from anywhere else: it is two register writes
  *    per leg and is idempotent.
  *  - `ht_port_trip_levels` from the fast interrupt, and from the set-up with all gates off.
@@ -42,6 +42,9 @@ enum { HT_ADC_I = 0 /* six phase currents, phase order */, HT_ADC_VDC = 6, HT_AD
 /** Range of a reading, counts, whatever the converter's resolution: full scale, and the reading of
  *  a current sensor without current. */
 enum { HT_ADC_FULL = 4096, HT_ADC_MID = HT_ADC_FULL / 2 };
+
+/** Slow analogue channels: thermistors. Each period converts one of them, or all. */
+enum { HT_SLOW_WINDING = 0, HT_SLOW_SINK = 1, HT_SLOW_CHANNELS = 2 };
 
 /** Raw readings of one sampling instant. */
 typedef struct {
@@ -86,6 +89,10 @@ float ht_port_pwm_clock_Hz(const ht_port *port);
 
 /** Latest conversion results and encoder position. */
 void ht_port_read(ht_port *port, ht_samples *samples);
+
+/** Reading, right-justified counts, of the slow channel that the call before has named as its `next`. From
+ *  now on that one is converted. */
+uint16_t ht_port_read_slow(ht_port *port, uint16_t channel, uint16_t next);
 
 /** Clock of the capture timer, Hz: the unit of both times in `ht_capture`. */
 float ht_port_capture_clock_Hz(const ht_port *port);
@@ -142,11 +149,17 @@ uint16_t ht_port_beyond(const ht_port *port);
 bool ht_port_trip_pin_low(const ht_port *port);
 
 /** Outputs, bits: a pin that is high. After a reset and without a right clock all are inputs, which the
- *  board pulls down: relay open, brake closed, fan off. */
-enum { HT_OUT_PRECHARGE = 1, HT_OUT_BRAKE = 2, HT_OUT_FAN = 4, HT_OUTPUTS = 3 /**< how many */ };
+ *  board pulls down: relay open, brake closed, fan and chopper off. */
+enum {
+    HT_OUT_PRECHARGE = 1,
+    HT_OUT_BRAKE = 2,
+    HT_OUT_FAN = 4,
+    HT_OUT_CHOPPER = 8,
+    HT_OUTPUTS = 4 /**< how many */
+};
 
-/** These outputs on, the others off. */
-void ht_port_outputs(ht_port *port, uint16_t on);
+/** Of the outputs `which` those in `on` on and the rest off; the others stay. */
+void ht_port_outputs(ht_port *port, uint16_t which, uint16_t on);
 
 /** First in the fast interrupt: acknowledge the end of conversion, so that the next one shows. If the
  *  next call does not come within 2.5 periods, the target takes the gates off. */

@@ -343,6 +343,35 @@ _LEAST: dict[int, Callable[[Callable[[str], Any]], float]] = {
 }
 
 
+#: Misfit of a thermistor -> where it is.
+_NTC = {lib.HT_MISFIT_WINDING_NTC: "winding", lib.HT_MISFIT_SINK_NTC: "sink"}
+
+
+def _pull_up_text(misfit: int, value_of: Callable[[str], Any]) -> str:
+    """Pull-up resistors with which the readings tell all temperatures."""
+    table, place = parameters(), _NTC[misfit]
+    values = [row.parse(value_of(name)) for name, row in table.items()]
+    hot_degC = lib.ht_misfit_ntc_degC(ffi.new("ht_params *", [values]), misfit)
+    ohm, beta_K = (
+        table[name].parse(value_of(name)) for name in (f"{place}_ntc_ohm", f"{place}_ntc_K")
+    )
+    config = ffi.new("ht_ntc_config *")
+
+    def share_at(degC: float) -> float:
+        """Pull-up over resistance at 25 degC with which the middle reading tells this."""
+        low, high = 1e-6, 1e6
+        while high > low * (1 + 1e-6):
+            middle = math.sqrt(low * high)
+            lib.ht_ntc_configure(config, ohm, beta_K, middle * ohm, 1.0)
+            hotter = lib.ht_ntc_degC(config, lib.HT_ADC_FULL / 2) > degC
+            low, high = (middle, high) if hotter else (low, middle)
+        return low
+
+    ends = lib.HT_NTC_END_COUNTS / (lib.HT_ADC_FULL - lib.HT_NTC_END_COUNTS)
+    least, most = share_at(lib.HT_NTC_COLD_DEGC) * ohm * ends, share_at(hot_degC) * ohm / ends
+    return f"{least:.4g} to {most:.4g}"
+
+
 def misfit_text(misfit: int, value_of: Callable[[str], Any]) -> str:
     """Why parameters do not fit together. misfit: what the firmware said (ht_misfits.def);
     value_of: the value that was asked for, or is in force, by the parameter's name."""
@@ -378,6 +407,8 @@ def misfit_reason(misfit: int, value_of: Callable[[str], Any]) -> str:
             most = f"{_MOST[misfit](value_of):.4g} {first.unit}".rstrip()
             least = f"{first.min:.4g} " if first.min else "up "
             allowed = f"allowed is {least}to {most}: "
+        if misfit in _NTC:
+            allowed = f"allowed is {_pull_up_text(misfit, value_of)} {first.unit}: "
         if misfit in _LEAST:
             allowed = f"allowed is {_LEAST[misfit](value_of):.4g} {first.unit} and more: "
         return f"{', '.join(both)}: {allowed}{_text(lib.ht_misfit_demand(misfit))}"

@@ -116,6 +116,16 @@ void ht_port_read_capture(ht_port *port, ht_capture *capture)
     *capture = port->input.capture;
 }
 
+uint16_t ht_port_read_slow(ht_port *port, uint16_t channel, uint16_t next)
+{
+    uint16_t reading = port->input.slow[channel];
+    note(port, HT_CALL_READ_SLOW);
+    note(port, channel);
+    note(port, next);
+    note(port, reading);
+    return reading;
+}
+
 void ht_port_write(ht_port *port, const ht_compare *pattern)
 {
     int leg;
@@ -141,9 +151,10 @@ void ht_port_short_circuit(ht_port *port)
     port->input.tripped = (uint16_t)HT_ALL_LEGS;
 }
 
-void ht_port_outputs(ht_port *port, uint16_t on)
+void ht_port_outputs(ht_port *port, uint16_t which, uint16_t on)
 {
     note(port, HT_CALL_OUTPUTS);
+    note(port, which);
     note(port, on);
 }
 

@@ -228,6 +228,11 @@ static void look(ht_link *l, ht_pil_inputs *in)
     }
     in->trip_pin_low = ht_port_trip_pin_low(&l->port);
     in->beyond = ht_port_beyond(&l->port);
+    for (leg = 0u; leg < (uint16_t)HT_SLOW_CHANNELS; leg++) {
+        uint32_t result = l->port.map->adc_slow_result[leg];
+        in->slow[leg] =
+            (uint16_t)(*ht_regfile_word(&l->registers, result) >> l->port.map->adc_shift);
+    }
     in->overrun = false; /* no conversion ends during an interrupt here */
     *status = flags;
     l->registers.accesses = accesses;
@@ -255,6 +260,7 @@ static bool make_call(ht_link *l, ht_reader *r)
     ht_samples samples;
     ht_capture capture;
     uint16_t leg;
+    uint16_t which;
     switch (ht_read16(r)) {
     case HT_CALL_INIT:
         setup.period_counts = ht_read16(r);
@@ -280,7 +286,8 @@ static bool make_call(ht_link *l, ht_reader *r)
         ht_port_short_circuit(&l->port);
         return true;
     case HT_CALL_OUTPUTS:
-        ht_port_outputs(&l->port, ht_read16(r));
+        which = ht_read16(r);
+        ht_port_outputs(&l->port, which, ht_read16(r));
         return true;
     case HT_CALL_GATES_ON:
         leg = ht_read16(r);
@@ -323,6 +330,11 @@ static bool make_call(ht_link *l, ht_reader *r)
     case HT_CALL_READ_CAPTURE:
         ht_port_read_capture(&l->port, &capture);
         return true;
+    case HT_CALL_READ_SLOW:
+        leg = ht_read16(r);
+        which = ht_read16(r);
+        return (leg < (uint16_t)HT_SLOW_CHANNELS) && (which < (uint16_t)HT_SLOW_CHANNELS)
+               && (ht_port_read_slow(&l->port, leg, which) == ht_read16(r));
     case HT_CALL_COUNTS:
         return ht_port_counts(&l->port) == ht_read16(r);
     case HT_CALL_OVERRUN:

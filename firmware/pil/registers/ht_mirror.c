@@ -3,8 +3,11 @@
 #include "port.h"
 
 #define LEG_REGISTERS 21
-#define EQEP_WORDS 0x1Fu /* up to QCPRD, the last that the drivers use */
-#define ABSENT 0xFFFFu   /* ht_c2000_map.h */
+/* Of the eQEP what the drivers use: QPOSCNT to QPOSMAX, QDECCTL to QCPRD. */
+#define EQEP_POSITIONS 0x06u
+#define EQEP_CONTROLS 0x14u
+#define EQEP_WORDS 0x1Fu
+#define ABSENT 0xFFFFu /* ht_c2000_map.h */
 #define PIEACK 0x0CE1u
 
 uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
@@ -27,8 +30,16 @@ uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
     for (i = 0u; i < (uint16_t)HT_ADC_CHANNELS; i++) {
         out[n++] = m->adc_result[i];
     }
+    out[n++] = m->adc_slow_result[0];
+    if (m->adc_slow_select != ABSENT) {
+        out[n++] = m->adc_slow_select;
+    } else {
+        out[n++] = m->adc_slow_result[1];
+    }
     for (i = 0u; i < EQEP_WORDS; i++) {
-        out[n++] = m->eqep + i;
+        if ((i < EQEP_POSITIONS) || (i >= EQEP_CONTROLS)) {
+            out[n++] = m->eqep + i;
+        }
     }
     out[n++] = m->gpio_data; /* of port A, where the trip pin is */
     out[n++] = m->gpio_data + 1u;

@@ -63,8 +63,9 @@ const ht_board ht_board_f28335 = {
     .receive = {28u, 1u},
     .transmit = {29u, 1u},
     .channel = {0u, 1u, 2u, 3u, 4u, 5u, 6u},
-    .baud = 921600u, /* 937500: nothing nearer to 1.25 M comes out of 75 MHz */
-    .output = {{13u, 0u}, {14u, 0u}, {15u, 0u}},
+    .slow_channel = {7u, 8u}, /* A7 B0 */
+    .baud = 921600u,          /* 937500: nothing nearer to 1.25 M comes out of 75 MHz */
+    .output = {{13u, 0u}, {14u, 0u}, {15u, 0u}, {16u, 0u}},
 };
 
 const ht_board ht_board_f28377s = {
@@ -88,8 +89,9 @@ const ht_board ht_board_f28377s = {
     .receive = {28u, 1u},
     .transmit = {29u, 1u},
     .channel = {2u, 2u, 3u, 3u, 4u, 4u, 14u}, /* A2 B2 A3 B3 A4 B4, ADCIN14 */
+    .slow_channel = {5u, 5u},                 /* A5 B5 */
     .baud = 1250000u,                         /* exact */
-    .output = {{13u, 0u}, {14u, 0u}, {15u, 0u}},
+    .output = {{13u, 0u}, {14u, 0u}, {15u, 0u}, {16u, 0u}},
 };
 
 /* GPIO0, 1 and 5..9 have no pin, and GPIO12 and 13, ePWM7, have the board's LEDs, which pull up while
@@ -118,6 +120,7 @@ const ht_board ht_board_launchxl_f28377s = {
     .receive = {85u, 5u},
     .transmit = {84u, 5u},
     .channel = {2u, 2u, 3u, 3u, 4u, 4u, 14u}, /* A2 B2 A3 B3 A4 B4, ADCIN14 */
+    .slow_channel = {5u, 5u},                 /* A5 B5 */
     .baud = 1250000u,                         /* exact */
-    .output = {{58u, 0u}, {59u, 0u}, {60u, 0u}},
+    .output = {{58u, 0u}, {59u, 0u}, {60u, 0u}, {61u, 0u}},
 };

@@ -41,9 +41,12 @@ typedef struct {
     /** ADC inputs. F28377S: u1 w1 v1 and Vdc are ADC-A's, u2 w2 v2 ADC-B's, one of each at a
      *  time. ADCINA0, A1 and B1 have a pull-down of 50 kohm, B0 a capacitor: not for currents. */
     uint16_t channel[HT_MAP_CHANNELS];
+    /** Thermistors of winding and heat sink. F28377S: ADC-A's and ADC-B's. */
+    uint16_t slow_channel[HT_MAP_SLOW_CHANNELS];
     uint32_t baud; /**< of the link */
     ht_pin output
-        [HT_OUTPUTS]; /**< precharge relay, brake, fan: high is on. A resistor pulls each down. */
+        [HT_OUTPUTS]; /**< precharge relay, brake, fan, chopper: high is on. A resistor pulls each
+                       *   down. */
 } ht_board;
 
 /** Comparator subsystem, 1 ... 4, whose positive input is the pin of this channel (below

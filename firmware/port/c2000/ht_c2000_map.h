@@ -12,6 +12,8 @@
 
 /** Channels of the conversion sequence: six currents in phase order, Vdc. */
 #define HT_MAP_CHANNELS 7
+/** And slow ones: thermistors of winding and heat sink. */
+#define HT_MAP_SLOW_CHANNELS 2
 
 /** HT_DEVICE_<name> of every chip, in the order of ht_chips.def; HT_DEVICES is their number. */
 typedef enum {
@@ -60,20 +62,22 @@ typedef struct {
     uint16_t etsel;
     uint16_t etps;
     uint32_t adc_result[HT_MAP_CHANNELS];
-    uint16_t adc_shift;     /**< right shift to 12-bit counts */
-    uint32_t adc_flag;      /**< end of the sequence: register ... */
-    uint16_t adc_flag_bit;  /**< ... and bit that shows it, */
-    uint32_t adc_clear;     /**< register ... */
-    uint16_t adc_clear_bit; /**< ... and bit that clears it */
-    uint32_t adc_commands;  /**< ADCTRL2: commands of the ADC's sequencer; 0xFFFF: has none */
-    uint32_t ecap;          /**< eCAP1, which trips through the X-BAR; 0: it cannot */
-    uint32_t cmpss;         /**< CMPSS1, over-current by hardware; 0: has no comparators */
-    uint32_t eqep;          /**< eQEP1 */
-    uint32_t sci;           /**< SCI-A */
-    uint32_t gpio;          /**< control registers of port A */
-    uint16_t gpio_stride;   /**< to the next port */
-    uint32_t gpio_data;     /**< GPADAT: levels of the pins of port A */
-    uint16_t vectors;       /**< entries of the PIE vector table */
+    uint32_t adc_slow_result[HT_MAP_SLOW_CHANNELS];
+    uint32_t adc_slow_select; /**< ADCCHSELSEQ2, where they take turns; 0xFFFF: they do not */
+    uint16_t adc_shift;       /**< right shift to 12-bit counts */
+    uint32_t adc_flag;        /**< end of the sequence: register ... */
+    uint16_t adc_flag_bit;    /**< ... and bit that shows it, */
+    uint32_t adc_clear;       /**< register ... */
+    uint16_t adc_clear_bit;   /**< ... and bit that clears it */
+    uint32_t adc_commands;    /**< ADCTRL2: commands of the ADC's sequencer; 0xFFFF: has none */
+    uint32_t ecap;            /**< eCAP1, which trips through the X-BAR; 0: it cannot */
+    uint32_t cmpss;           /**< CMPSS1, over-current by hardware; 0: has no comparators */
+    uint32_t eqep;            /**< eQEP1 */
+    uint32_t sci;             /**< SCI-A */
+    uint32_t gpio;            /**< control registers of port A */
+    uint16_t gpio_stride;     /**< to the next port */
+    uint32_t gpio_data;       /**< GPADAT: levels of the pins of port A */
+    uint16_t vectors;         /**< entries of the PIE vector table */
     uint16_t dead_max_counts;
     float pwm_clock_Hz;
     uint16_t encoder_qualprd; /**< half the sampling period of the encoder's pins, clocks */

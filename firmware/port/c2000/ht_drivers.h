@@ -62,7 +62,7 @@ void ht_pins_start(ht_port *port);
 /** SCI. */
 void ht_pins_line(ht_port *port);
 /** Outputs high or low (ht_port_outputs). */
-void ht_pins_outputs(ht_port *port, uint16_t on);
+void ht_pins_outputs(ht_port *port, uint16_t which, uint16_t on);
 /** From now on their pins are outputs, and low. */
 void ht_pins_start_outputs(ht_port *port);
 /** The PWM's twelve pins. Only with the trip latched: from here on they drive the gates. */

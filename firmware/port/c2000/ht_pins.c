@@ -20,6 +20,7 @@
 #define QUALIFIED_PINS 8u /* share a sampling period, ... */
 #define QUALPRD_BITS 8u   /* ... of 2 x QUALPRD system clocks */
 #define QUALPRD 0x000000FFu
+#define ALL_OUTPUTS 0xFFFFu
 
 /* The registers of the port that a pin belongs to, and of the half with its two-bit fields. */
 static uint32_t first_register(const ht_port *port, const ht_pin *pin)
@@ -75,21 +76,23 @@ static void hold_unbonded(ht_port *port)
     }
 }
 
-void ht_pins_outputs(ht_port *port, uint16_t on)
+void ht_pins_outputs(ht_port *port, uint16_t which, uint16_t on)
 {
     uint16_t n;
     for (n = 0u; n < (uint16_t)HT_OUTPUTS; n++) {
         uint32_t gpio = port->board->output[n].gpio;
         uint32_t data = port->map->gpio_data + ((gpio / HT_PORT_PINS) * HT_PORT_WORDS);
         uint32_t high = (((uint32_t)on >> n) & 1u) != 0u ? GPYSET : GPYCLEAR;
-        HT_WR32(port->io, data + high, (uint32_t)1u << (gpio % HT_PORT_PINS));
+        if ((((uint32_t)which >> n) & 1u) != 0u) {
+            HT_WR32(port->io, data + high, (uint32_t)1u << (gpio % HT_PORT_PINS));
+        }
     }
 }
 
 void ht_pins_start_outputs(ht_port *port)
 {
     uint16_t n;
-    ht_pins_outputs(port, 0u); /* low before they are outputs */
+    ht_pins_outputs(port, ALL_OUTPUTS, 0u); /* low before they are outputs */
     HT_EALLOW(port->io);
     for (n = 0u; n < (uint16_t)HT_OUTPUTS; n++) {
         const ht_pin *pin = &port->board->output[n];

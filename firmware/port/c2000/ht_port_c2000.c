@@ -104,7 +104,7 @@ float ht_port_pwm_clock_Hz(const ht_port *port)
     return port->map->pwm_clock_Hz;
 }
 
-void ht_port_outputs(ht_port *port, uint16_t on)
+void ht_port_outputs(ht_port *port, uint16_t which, uint16_t on)
 {
-    ht_pins_outputs(port, on);
+    ht_pins_outputs(port, which, on);
 }

@@ -101,6 +101,25 @@ static double counts_turned(const ht_fmu_state *s)
     return turned_rad / TWO_PI * (double)s->drive.params.v[HT_P_encoder_counts_rev];
 }
 
+/* Thermistors are at 25 degC. */
+static void sample_slow(ht_fmu_state *s)
+{
+    const ht_c2000_map *m = s->port.map;
+    const float *p = s->drive.params.v;
+    const float ohm[HT_SLOW_CHANNELS] = {p[HT_P_winding_ntc_ohm], p[HT_P_sink_ntc_ohm]};
+    uint16_t channel;
+    for (channel = 0u; channel < (uint16_t)HT_SLOW_CHANNELS; channel++) {
+        float counts = (float)HT_ADC_FULL * ohm[channel] / (ohm[channel] + p[HT_P_ntc_pull_up_ohm]);
+        bool turn =
+            (m->adc_slow_select == 0xFFFFu)
+            || ((s->chip.word[m->adc_slow_select] >> 12) == s->port.board->slow_channel[channel]);
+        if (turn) {
+            s->chip.word[m->adc_slow_result[channel]] =
+                (uint16_t)((uint16_t)counts << m->adc_shift);
+        }
+    }
+}
+
 /* The converters' and the encoder's registers get what the inputs are. The sensors are ideal, with the
  * ranges that the firmware expects. */
 static void sample(ht_fmu_state *s)
@@ -117,6 +136,7 @@ static void sample(ht_fmu_state *s)
         convert(s, leg, s->input[HT_FMU_I + leg] * per_A + (double)HT_ADC_MID);
     }
     convert(s, HT_ADC_VDC, s->input[HT_FMU_VDC] * per_V);
+    sample_slow(s);
     s->chip.word[m->adc_flag] = (uint16_t)(s->chip.word[m->adc_flag] | m->adc_flag_bit);
     position[0] = (uint16_t)((uint64_t)counter & 0xFFFFu);
     position[1] = (uint16_t)(((uint64_t)counter >> 16) & 0xFFFFu);

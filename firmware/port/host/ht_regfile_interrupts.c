@@ -145,17 +145,17 @@ void ht_regfile_end_of_sequence(ht_regfile *rf)
     }
 }
 
-/* Would ePWM1's SOCA start the conversion of seven channels? */
+/* Would ePWM1's SOCA start the conversion of seven channels and of the slow ones? */
 static uint16_t armed(const ht_regfile *rf)
 {
     uint16_t n;
-    if (rf->chip->sequencer != 0u) { /* cascaded, 7 conversions, started by SOCA */
-        return (uint16_t)(((rf->word[0x7100] & 0x0010u) != 0u) && (rf->word[0x7102] == 6u)
+    if (rf->chip->sequencer != 0u) { /* cascaded, 8 conversions, started by SOCA */
+        return (uint16_t)(((rf->word[0x7100] & 0x0010u) != 0u) && (rf->word[0x7102] == 7u)
                           && ((rf->word[0x7101] & 0x0100u) != 0u));
     }
-    for (n = 0u; n < 7u; n++) { /* ADC-A: SOC0..3, ADC-B: SOC0..2; TRIGSEL 5 */
-        uint32_t soc = (n < 4u) ? (0x7411u + 2u * (uint32_t)n)
-                                : (0x7491u + 2u * (uint32_t)(n - 4u));
+    for (n = 0u; n < 9u; n++) { /* ADC-A: SOC0..4, ADC-B: SOC0..3; TRIGSEL 5 */
+        uint32_t soc = (n < 5u) ? (0x7411u + 2u * (uint32_t)n)
+                                : (0x7491u + 2u * (uint32_t)(n - 5u));
         if (((rf->word[soc] >> 4) & 0x1Fu) != 5u) {
             return 0u;
         }

@@ -31,6 +31,7 @@ from ..plant.loop import (
     sample_instants,
 )
 from ..plant.pwm import NEVER, pwm_record
+from ..plant.sensors import THERMISTORS, thermistor_ohm, thermistor_share
 from ..plant.vsd import PHASES
 from ..setups import KEYS, Setup, SetupError
 from . import parts
@@ -97,6 +98,7 @@ class Hardware:
         self._map = parts.pwm_map(self.controller.map, board.gates_active_low, board.min_pulse_us)
         #: The sensors' constants and state. They may be changed between two runs.
         self.sensors = parts.sensors(setup, self.controller, self.period_s)
+        self._thermistors = dict.fromkeys(THERMISTORS, "none")
         self._registers = self.controller.register_words()
         tbprd = self.controller.port.leg[0] + self.controller.map.tbprd
         self._timer_words = np.array([tbprd, TIMER_PERIOD, TIMER_PERIOD + 1])
@@ -203,6 +205,7 @@ class Hardware:
 
     def _compute(self, first: int, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         """The same from the period `first` of a call on."""
+        self._warm_thermistors()
         load = self._load
         if self.load_Nm != self._load_set_Nm:
             set_load(load, self._load_kind, self.load_Nm, self.setup["load.at_rpm"])
@@ -222,6 +225,26 @@ class Hardware:
             Samples(instants, plant, channels.ctypes.data, channels, self._edges.rows),
             self._edges.kept,
         )  # fmt: skip
+
+    def _warm_thermistors(self) -> None:
+        """The inputs of the thermistors show their temperatures. The winding's lies on u1."""
+        degC = self.bodies.winding_degC[0], self.junctions.sink_degC
+        value, broken = self.setup.__getitem__, self._thermistors
+        for k, place in enumerate(THERMISTORS if self.sensors.slow else ()):
+            ohm = thermistor_ohm(
+                value(f"sensors.{place}_ntc_ohm"), value(f"sensors.{place}_ntc_K"), degC[k]
+            )
+            ohm = {"open": math.inf, "short": 0.0}.get(broken[place], ohm)
+            share = thermistor_share(ohm, value("sensors.ntc_pull_up_ohm"))
+            self.sensors.slow_counts[k] = share * self.sensors.adc_full
+
+    def break_thermistor(self, place: str, kind: str) -> None:
+        """Break the thermistor of `winding` or `sink`: `open`, `short`, or `none`: whole again."""
+        if place not in THERMISTORS:
+            raise SetupError(f"place = {place!r}: choose one of {', '.join(THERMISTORS)}")
+        if kind not in ("none", "open", "short"):
+            raise SetupError(f"kind = {kind!r}: choose one of none, open, short")
+        self._thermistors[place] = kind
 
     def break_leg(self, phase: str, kind: str, after_s: float = 0.0) -> None:
         """Break the leg of a phase in `after_s` seconds of simulated time, at any instant of a

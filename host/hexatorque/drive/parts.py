@@ -63,6 +63,8 @@ def inverter(
     )
     charge(made.link, setup["inverter.vdc_V"])
     set_pin(made.link.relay, port, firmware.lib.HT_OUT_PRECHARGE)
+    if setup["inverter.chopper_ohm"] > 0 and setup["inverter.chopper_on_V"] == 0:
+        set_pin(made.link.chopper, port, firmware.lib.HT_OUT_CHOPPER)
     if made.devices.drops and longest_step_s(made, machine) < SHORTEST_STEP_S:
         raise SetupError(
             "inverter.v_switch_V, v_diode_V, r_switch_ohm, r_diode_ohm: too large for the "
@@ -128,6 +130,7 @@ def sensors(setup: Setup, controller: firmware.Controller, period_s: float) -> n
     return sensors_record(
         lambda name: setup[f"sensors.{name}"],
         controller.map,
+        list(controller.port.board.slow_channel),
         int(controller.port.eqep),
         firmware.lib.HT_ADC_FULL,
         firmware.lib.HT_ADC_MID,

@@ -56,6 +56,7 @@ LINK = np.dtype(
         ("bridged", "i8"),  # whether the relay bridges the precharge resistor
         ("relay", PIN),
         ("chops", "i8"),  # whether the chopper is on
+        ("chopper", PIN),  # what switches it, if it has no levels of its own
         ("x", "f8", (STATES,)),  # the state
         ("trial", "f8", (STATES,)),
         ("stage", "f8", (STATES,)),
@@ -269,7 +270,7 @@ def _beyond_diode(link, x):
 @compiled
 def _beyond_chopper(link, x):
     """The same for the chopper, V."""
-    if link.chopper_ohm == 0.0:
+    if link.chopper_ohm == 0.0 or link.chopper.level > 0:
         return -np.inf
     if link.chops != 0:
         return link.chopper_off_V - x[V]

@@ -298,6 +298,8 @@ def _compile_run_periods(source: int):
                 slow_isr(handle)
             if inv.link.precharge_ohm > 0.0:
                 inv.link.bridged = high(inv.link.relay, regs)
+            if inv.link.chopper.level > 0:
+                inv.link.chops = high(inv.link.chopper, regs)
             if load.brake.torque_Nm > 0.0:
                 told = high(load.brake.pin, regs)
                 command_brake(inv, plant.machine, load, plant.y, told, tm.period / tm.clock_Hz)

@@ -7,7 +7,7 @@ is integrated together with the machine. Everything else is computed at the samp
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,13 @@ SENSORS = np.dtype(
         ("encoder_counts_rev", "f8"),
         ("encoder_wires", "i8"),  # index in ENCODER_WIRES
         ("adc_result", "i8", (7,)),  # word addresses of the results
+        # Thermistors of winding and heat sink: are there any; readings; where they go, and which of
+        # them takes its turn: register (0: each has its own) and what it holds for them
+        ("slow", "i8"),
+        ("slow_counts", "f8", (2,)),
+        ("slow_result", "i8", (2,)),
+        ("slow_select", "i8"),
+        ("slow_channel", "i8", (2,)),
         ("adc_shift", "i8"),  # left shift of the result register
         ("adc_flag", "i8"),  # word address of the flag that a sequence has ended
         ("adc_flag_bit", "i8"),
@@ -59,11 +66,18 @@ SENSORS = np.dtype(
 
 
 def sensors_record(
-    value: Callable[[str], Any], chip: Any, eqep: int, full: int, middle: int, period_s: float
+    value: Callable[[str], Any],
+    chip: Any,
+    slow_channel: Sequence[int],
+    eqep: int,
+    full: int,
+    middle: int,
+    period_s: float,
 ) -> np.record:
     """value: the value of a key of the set-up's section [sensors]; chip: the map of its registers;
-    eqep: word address of the encoder's; full, middle: counts of the converter's range and of no
-    current; period_s: from sample to sample."""
+    slow_channel: the converter's inputs of the thermistors; eqep: word address of the encoder's;
+    full, middle: counts of the converter's range and of no current; period_s: from sample to
+    sample."""
     per_A = full / (2 * value("i_full_A"))
     wires = np.array(value("i_wires"), int)
     return record(
@@ -83,6 +97,11 @@ def sensors_record(
         encoder_counts_rev=4.0 * value("encoder_ppr"),
         encoder_wires=ENCODER_WIRES.index(value("encoder_wires")),
         adc_result=list(chip.adc_result),
+        slow=int(max(value(f"{place}_ntc_ohm") for place in THERMISTORS) > 0),
+        slow_counts=0.0,
+        slow_result=list(chip.adc_slow_result),
+        slow_select=0 if chip.adc_slow_select == 0xFFFF else int(chip.adc_slow_select),
+        slow_channel=list(slow_channel),
         adc_shift=int(chip.adc_shift),
         adc_flag=int(chip.adc_flag),
         adc_flag_bit=int(chip.adc_flag_bit),
@@ -95,6 +114,21 @@ def sensors_record(
         event_tick=0,
         edges=0,
     )
+
+
+#: Where thermistors are, in the order of the firmware's slow channels.
+THERMISTORS = ("winding", "sink")
+KELVIN_0_DEGC = 273.15
+
+
+def thermistor_ohm(ohm_25: float, beta_K: float, degC: float) -> float:
+    """Resistance of a thermistor (NTC) that has ohm_25 at 25 degC."""
+    return ohm_25 * math.exp(beta_K * (1 / (degC + KELVIN_0_DEGC) - 1 / (25 + KELVIN_0_DEGC)))
+
+
+def thermistor_share(ohm: float, pull_up_ohm: float) -> float:
+    """What the input shows of the reference that the pull-up resistor is connected to."""
+    return 1.0 if math.isinf(ohm) else ohm / (ohm + pull_up_ohm)
 
 
 #: eQEP: offsets in words, and bits.
@@ -227,6 +261,14 @@ def _wrong_wires(se, turned):
 
 
 @compiled
+def _sample_slow(se, regs):
+    for k in range(2):
+        if se.slow_select == 0 or np.int64(regs[se.slow_select]) >> 12 == se.slow_channel[k]:
+            counts = _counts(se.slow_counts[k], se.adc_step, se.adc_full)
+            regs[se.slow_result[k]] = np.uint16(counts << se.adc_shift)
+
+
+@compiled
 def sample(se, m, y, vdc, regs):
     """Convert the present state into the result registers and raise the flag that the
     fast interrupt acknowledges."""
@@ -241,6 +283,8 @@ def sample(se, m, y, vdc, regs):
     if se.hold[6] == 0:
         counts = _counts(vdc * se.v_counts_per_V, se.adc_step, se.adc_full)
         regs[se.adc_result[6]] = np.uint16(counts << se.adc_shift)
+    if se.slow != 0:
+        _sample_slow(se, regs)
     regs[se.adc_flag] |= np.uint16(se.adc_flag_bit)
     turned = y[7] / TWO_PI * se.encoder_counts_rev
     if se.encoder_wires != _STRAIGHT:

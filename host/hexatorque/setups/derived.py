@@ -150,6 +150,16 @@ def _mean_of_devices(setup: Values, what: str, unit: str) -> float:
     return 0.5 * sum(setup[f"inverter.{what}_{device}_{unit}"] for device in ("switch", "diode"))
 
 
+#: Thermistors: the parameters have the names of the sensors' keys.
+THERMISTORS = (
+    "winding_ntc_ohm", "winding_ntc_K", "sink_ntc_ohm", "sink_ntc_K", "ntc_pull_up_ohm",
+)  # fmt: skip
+
+
+def _of_sensors(name: str) -> Rule:
+    return Rule("the sensors'", lambda k: k.setup[f"sensors.{name}"])
+
+
 ALWAYS: dict[str, Rule] = {
     "machine": Rule(
         "the machine's: magnets, or a winding", lambda k: "magnet" if k.magnets else "induction"
@@ -175,6 +185,7 @@ ALWAYS: dict[str, Rule] = {
     "dead_time_us": Rule("the inverter's", lambda k: k.setup["inverter.dead_time_us"]),
     "i_full_A": Rule("the sensors'", lambda k: k.setup["sensors.i_full_A"]),
     "vdc_full_V": Rule("the sensors'", lambda k: k.setup["sensors.vdc_full_V"]),
+    **{name: _of_sensors(name) for name in THERMISTORS},
     "link_F": Rule("the dc link's", lambda k: k.setup["inverter.link_F"]),
     "winding_K_W": Rule("of [heat]", lambda k: k.setup["heat.winding_K_W"]),
     "winding_s": Rule(

@@ -145,7 +145,9 @@ KEYS: dict[str, dict[str, Key]] = {
             0.0,
         ),
         "chopper_ohm": _n("resistance of the braking chopper, 0: none", "ohm", 0, 1e5, 0.0),
-        "chopper_on_V": _n("the chopper comes on at this voltage", "V", 0, MOST_V, 0.0),
+        "chopper_on_V": _n(
+            "the chopper comes on at this voltage, 0: with the drive's output", "V", 0, MOST_V, 0.0
+        ),
         "chopper_off_V": _n("and goes off at this one", "V", 0, MOST_V, 0.0),
         "dead_time_us": _n("dead time", "us", 0, 20),
         "min_pulse_us": _n("gate pulses shorter than this are suppressed", "us", 0, 10, 0.0),
@@ -188,6 +190,21 @@ KEYS: dict[str, dict[str, Key]] = {
         "i_filter_Hz": _n("corner of the current sensors' filter, 0: none", "Hz", 0, 1e7, 0.0),
         "i_noise_A": _n("current sensor noise, rms, white at the converter", "A", 0, 100, 0.0),
         "noise_seed": Key("integer", "the same seed gives the same noise", "", 1, 1e9, default=1),
+        "winding_ntc_ohm": _n(
+            "thermistor in the winding of u1, its resistance at 25 degC, 0: none",
+            "ohm",
+            0,
+            1e6,
+            0.0,
+        ),
+        "winding_ntc_K": _n("its beta", "K", 1e3, 1e4, 3950.0),
+        "sink_ntc_ohm": _n(
+            "thermistor on the heat sink, its resistance at 25 degC, 0: none", "ohm", 0, 1e6, 0.0
+        ),
+        "sink_ntc_K": _n("its beta", "K", 1e3, 1e4, 3950.0),
+        "ntc_pull_up_ohm": _n(
+            "resistor from the converter's reference to each thermistor", "ohm", 1, 1e6, 4700.0
+        ),
         "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000),
         "encoder_error_cycles": _n(
             "rise of the encoder's channel B late, fall early by this", "cycles", 0, 0.1, 0.0

@@ -147,6 +147,35 @@ CASES = {
         {"brake_open_s": 0.2, "brake_Nm": -6.0, "torque_negative_Nm": 5.0},
         "brake_Nm = -6 N m, torque_limit_Nm = 15 N m: with a brake (brake_open_s) the torque",
     ),
+    "CHOPPER_TRIP": (
+        {"chopper_on_V": 389.0, "chopper_off_V": 380.0},
+        "chopper_on_V = 389 V: allowed is up to 0.97 vdc_max_V = 388 V",
+    ),
+    "CHOPPER_LEVELS": (
+        {"chopper_on_V": 360.0, "chopper_off_V": 358.0},
+        "chopper_off_V = 358 V: allowed is up to 0.99 chopper_on_V = 356.4 V",
+    ),
+    "CHOPPER_OFF": (
+        {"chopper_on_V": 360.0},
+        "chopper_off_V = 0 V, vdc_min_V = 150 V: with a chopper (chopper_on_V) the first must be",
+    ),
+    "WINDING_NTC": (
+        {"winding_ntc_ohm": 10e3, "winding_trip_degC": 170.0, "ntc_pull_up_ohm": 25e3},
+        "ntc_pull_up_ohm = 25000 ohm, winding_ntc_ohm = 10000 ohm: allowed is 621.1 to 2.223e+04 "
+        "ohm: the readings must tell",
+    ),
+    "SINK_NTC": (
+        {"sink_ntc_ohm": 1e3, "ntc_pull_up_ohm": 50.0},
+        "ntc_pull_up_ohm = 50 ohm, sink_ntc_ohm = 1000 ohm: allowed is 62.11 to 3038 ohm: the",
+    ),
+    "DEVICE_LEVELS": (
+        {"device_limit_degC": 131.0},
+        "device_limit_degC = 131 degC: allowed is up to device_trip_degC = 130 degC",
+    ),
+    "DEVICE_AMBIENT": (
+        {"device_K_W": 1.0, "device_limit_degC": 40.0},
+        "device_limit_degC = 40 degC, ambient_degC = 40 degC: with a model of the power stage",
+    ),
 }
 
 

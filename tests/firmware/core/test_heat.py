@@ -237,3 +237,91 @@ def test_the_adaptation_is_heard_only_after_it_has_followed(make):
     for _ in range(4 * slow):
         lib.ht_heat_step(cfg, state, False, 0.0, told_ohm({}, 150.0))
     assert temperatures(cfg, state).min() > MACHINE["ambient_degC"] + 30
+
+
+# --- a sensor in the winding of u1 ---------------------------------------------------------
+
+
+SENSED = {"winding_ntc_ohm": 10e3}
+
+
+def sense(one, squares, degC, rs_ohm=0.0):
+    """Two slow interrupts, and a reading of the sensor."""
+    cfg, state = one
+    for leg in range(6):
+        state.square_A2[leg] = squares[leg]
+    for _ in range(2):
+        lib.ht_heat_step(cfg, state, True, 20.0, rs_ohm)
+    lib.ht_heat_measured(cfg, state, degC)
+
+
+def test_the_first_reading_moves_all_temperatures_to_where_the_sensor_is(make):
+    """The machine may have been hot at the reset."""
+    cfg, state = make(**SENSED)
+    lib.ht_heat_measured(cfg, state, 95.0)
+    assert temperatures(cfg, state) == pytest.approx([95.0] * 7, abs=1e-3)
+    lib.ht_heat_measured(cfg, state, 115.0)
+    share = 16.0 / (MACHINE["winding_s"] * 50.0)  # a thermistor is read 50 times a second
+    assert temperatures(cfg, state) == pytest.approx([95.0 + 20 * share] * 7, abs=1e-3)
+
+
+@pytest.mark.parametrize("wrong", (0.4, 1.0, 2.5))
+def test_a_sensor_beats_a_model_that_is_told_another_thermal_resistance(make, wrong):
+    """Over a duty cycle with rises of up to 60 K above the frame. A step of the load lets the wrong
+    model go astray by its error over 17; the rest is the frame's to learn."""
+    rated = 60.0 / (6 * MACHINE["winding_K_W"] * MACHINE["rs_ohm"] * 1.3)
+    truth = make()
+    sensed, alone = (make(**s, winding_K_W=wrong * MACHINE["winding_K_W"]) for s in (SENSED, {}))
+    off = {"sensed": 0.0, "alone": 0.0}
+    for share in (1.0, 0.2, 1.2, 0.0) * 2:
+        squares = [share * rated] * 6
+        for _ in range(3000):  # a minute
+            for _ in range(2):
+                for cfg, state in (truth, alone):
+                    follow_once(cfg, state, squares)
+            sense(sensed, squares, temperatures(*truth)[0])
+            for name, one in (("sensed", sensed), ("alone", alone)):
+                now = abs(lib.ht_heat_winding_degC(*one) - lib.ht_heat_winding_degC(*truth))
+                off[name] = max(off[name], now)
+    assert off["sensed"] < 1.0 + 72 * abs(wrong - 1) / 17, off
+    assert wrong == 1.0 or off["alone"] > 5 * off["sensed"], off
+
+
+def follow_once(cfg, state, squares):
+    for leg in range(6):
+        state.square_A2[leg] = squares[leg]
+    lib.ht_heat_step(cfg, state, True, 20.0, 0.0)
+
+
+def test_a_leg_that_is_hotter_than_the_sensors_stays_so(make):
+    """At standstill v1 may carry twice what u1 does."""
+    cfg, state = one = make(**SENSED)
+    for _ in range(20_000):
+        sense(one, [2.0, 2.0, 2.0, 2.0, 8.0, 2.0], 60.0)
+    seen = temperatures(cfg, state)
+    assert seen[0] == pytest.approx(60.0, abs=1.0)
+    expected = 6 * MACHINE["winding_K_W"] * 6.0 * MACHINE["rs_ohm"]  # of 6 A^2 more, R_s cold
+    assert 1.05 * expected < seen[4] - seen[0] < 1.4 * expected
+    assert lib.ht_heat_winding_degC(cfg, state) == pytest.approx(seen[4], abs=1e-3)
+
+
+def test_without_a_thermal_resistance_the_sensor_is_the_temperature_and_limits_act(make):
+    cfg, state = make(**SENSED, winding_K_W=0.0)
+    for degC in (50.0, 130.0, 90.0):
+        lib.ht_heat_measured(cfg, state, degC)
+        lib.ht_heat_step(cfg, state, True, 50.0, 0.0)
+        assert temperatures(cfg, state) == pytest.approx([degC] * 7, abs=1e-3)
+    assert lib.ht_heat_share(cfg, 132.5) == pytest.approx(0.5)
+    assert lib.ht_heat_share(cfg, 145.0) == 0.0
+    without, state = make(winding_K_W=0.0)
+    assert lib.ht_heat_share(without, 200.0) == 1.0
+
+
+def test_what_r_s_tells_counts_no_more_beside_a_sensor(make):
+    ends = []
+    for rs_ohm in (0.0, 3.0):
+        cfg, state = one = make(**SENSED, rs_tells="temperature")
+        for _ in range(5000):
+            sense(one, [2.0] * 6, 60.0, rs_ohm)
+        ends.append(temperatures(cfg, state))
+    assert np.array_equal(*ends) and ends[0][0] == pytest.approx(60.0, abs=1.0)

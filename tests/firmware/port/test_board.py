@@ -123,20 +123,21 @@ def test_pwm_clock(started):
 
 def test_adc_timing(started):
     """Clock within the data sheet's limit, a sample of 75 ns (F28377S) or more, and all
-    seven channels within a few us of each other; no current at an input that loads its source."""
+    seven channels within a few us of each other; no current at an input that loads its source. The
+    thermistors come last: on the F28377S when all others are over, or beside the dc link."""
     clock = SYSCLK[started.name]
     if started.small:
         hspclk = clock / (2 * started.word(0x701A))
         adc = hspclk / (2 * (started.word(0x7118) >> 1 & 0xF))
         assert adc <= 25e6
         window = ((started.word(0x7100) >> 8 & 0xF) + 1) / adc
-        sequence = 7 * (window + 1 / adc) + 2 / adc
-        channels = [started.word(0x7103 + n // 4) >> 4 * (n % 4) & 0xF for n in range(7)]
-        assert started.word(0x7102) + 1 == 7
-        assert channels == list(range(7))
+        sequence = 8 * (window + 1 / adc) + 2 / adc
+        channels = [started.word(0x7103 + n // 4) >> 4 * (n % 4) & 0xF for n in range(8)]
+        assert started.word(0x7102) + 1 == 8
+        assert channels == list(range(8))  # A0 ... A6, and the winding's thermistor at A7
     else:
         inputs = {}
-        for name, base, conversions in (("A", 0x7400, 4), ("B", 0x7480, 3)):
+        for name, base, conversions in (("A", 0x7400, 5), ("B", 0x7480, 4)):
             ratio = 1 + (started.word(base + 1) & 0xF) / 2  # PRESCALE: 1, (1.5), 2, 2.5, ...
             assert clock / ratio <= 50e6
             assert started.word(base + 1) & 0xC0 == 0  # 12 bits, single-ended
@@ -151,8 +152,9 @@ def test_adc_timing(started):
         sequence = 4 * (window + 41 / clock)  # tEOC at PRESCALE 6
         assert started.word(0x7407) & 0x2F == 0x23  # INT1 at the end of the last
         # u1 w1 v1 and the dc link, u2 w2 v2: where the results are read is the driver's test.
-        assert len({*inputs["A"], *inputs["B"]}) == 7
-        assert not {*inputs["A"][:3], *inputs["B"]} & LOADED_INPUTS
+        assert len({*inputs["A"], *inputs["B"]}) == 9
+        assert not {*inputs["A"], *inputs["B"]} & LOADED_INPUTS
+        assert (inputs["A"][4], inputs["B"][3]) == (("A", 5), ("B", 5))  # thermistors
         assert {*inputs["A"], *inputs["B"]} <= LAUNCHPAD_INPUTS
     assert 1e-6 < sequence < 3e-6
 
@@ -452,7 +454,7 @@ def test_no_gate_of_the_launchpad_is_on_its_leds():
     assert not {12, 13} & set(pins)
     others = (board.trip, board.encoder_a, board.encoder_b, board.receive, board.transmit)
     outputs = [pin.gpio for pin in board.output]
-    assert len({*pins, *(pin.gpio for pin in others), *outputs}) == 12 + 5 + 3
+    assert len({*pins, *(pin.gpio for pin in others), *outputs}) == 12 + 5 + 4
     assert not {12, 13} & set(outputs)
 
 
@@ -504,8 +506,8 @@ LEVELS = {"f28335": (0x6FC0, 8), "f28377s": (0x7F00, 8), "launchxl_f28377s": (0x
 
 @pytest.mark.parametrize("name", BOARDS)
 def test_outputs_are_inputs_until_the_start_makes_them_low(name):
-    """An input is what the board's resistor makes of it: relay open, brake closed, fan off. Then
-    each bit moves its own pin and no other."""
+    """An input is what the board's resistor makes of it: relay open, brake closed, fan and chopper
+    off. Then each bit moves its own pin and no other, and only if it is asked for."""
     started = Started.__new__(Started)
     started.name, started.rf = name, ffi.new("ht_regfile *")
     board = getattr(lib, f"ht_board_{name}")
@@ -526,11 +528,17 @@ def test_outputs_are_inputs_until_the_start_makes_them_low(name):
         mux, _, pulled_up, output = started.pin(gpio)
         assert (mux, pulled_up, output) == (0, False, True)
         assert gpio not in idle
-    for bits in range(8):
-        lib.ht_port_outputs(started.port, bits)
-        assert levels() - idle == {gpio for n, gpio in enumerate(pins) if bits >> n & 1}
-        assert idle <= levels()
+    everything = (1 << lib.HT_OUTPUTS) - 1
+    assert everything == 15 and len(pins) == 4
+    for before in range(16):
+        for which in range(16):
+            lib.ht_port_outputs(started.port, everything, before)
+            lib.ht_port_outputs(started.port, which, 0b1010)
+            after = before & ~which | which & 0b1010
+            assert levels() - idle == {gpio for n, gpio in enumerate(pins) if after >> n & 1}
+            assert idle <= levels()
     assert (lib.HT_OUT_PRECHARGE, lib.HT_OUT_BRAKE, lib.HT_OUT_FAN) == (1, 2, 4)
+    assert lib.HT_OUT_CHOPPER == 8
     # A debugger starts the image anew: the pins are inputs before anything else is set up.
     lib.ht_pins_release(started.port)
     assert not any(started.pin(gpio)[3] for gpio in pins)

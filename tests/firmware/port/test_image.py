@@ -297,7 +297,8 @@ FAULTS = {
         F28377S, "ht_adc.c", "((uint32_t)5u << 20)", "((uint32_t)7u << 20)",
         "every fast interrupt arrives"),
     "one channel too few": (
-        F28335, "ht_adc.c", "(uint16_t)(HT_ADC_CHANNELS - 1)", "(uint16_t)(HT_ADC_CHANNELS - 2)",
+        F28335, "ht_adc.c",
+        "ADCMAXCONV, CONVERSIONS_F28335 - 1u", "ADCMAXCONV, CONVERSIONS_F28335 - 2u",
         "every fast interrupt arrives"),
     "second ADC without its start": (
         LAUNCHPAD, "ht_adc.c", "    convert_f28377s(port, ADCB, 1u, CONVERSIONS_B);\n", "",

@@ -393,6 +393,22 @@ def test_inverting_gate_drivers():
         assert rf.violations == 0
 
 
+def test_slow_readings(board):
+    """The winding's thermistor is the eighth input of the F28335 and A5 of the F28377S, the heat
+    sink's B0 and B5. On the F28335 they take turns, and what the sequence converts stays."""
+    lib.ht_board_start(board.port)
+    board.init()
+    _, shift = ADC[board.device]
+    selects = board.device == "f28335"
+    results = (0x710F, 0x710F) if selects else (0x0B04, 0x0B23)
+    for channel, count in ((0, 1234), (1, 4095), (0, 0), (1, 77)):
+        if selects:
+            assert board.rf.word[0x7104] == ((7, 8)[channel] << 12 | 0x654)
+        board.rf.word[results[channel]] = count << shift
+        assert lib.ht_port_read_slow(board.port, channel, 1 - channel) == count
+    assert board.rf.violations == 0
+
+
 def test_readings(board):
     board.init()
     addresses, shift = ADC[board.device]

@@ -954,7 +954,7 @@ def test_sequencer_of_the_f28335_is_reset_between_sequences():
     chip = Chip("f28335")
     chip.trip()
     chip.eallow()
-    for address, value in ((0x6819, 0x0900), (0x681A, 0x0100), (0x7100, 0x0010), (0x7102, 6)):
+    for address, value in ((0x6819, 0x0900), (0x681A, 0x0100), (0x7100, 0x0010), (0x7102, 7)):
         chip.write(address, value)
     lib.ht_regfile_call(chip.rf, 0x380080, 0)
     chip.write(0x7118, 0x00E0)

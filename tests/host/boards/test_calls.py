@@ -53,6 +53,21 @@ def test_equals_the_drive_itself(quick, target, device, latency):
     assert target.link.calls == 1
 
 
+@pytest.mark.parametrize("device", firmware.DEVICES)
+def test_thermistors_and_chopper_equal_the_drive_itself(quick, target, device):
+    setup = quick.changed(
+        {
+            "timing.device": device, "sensors.winding_ntc_ohm": 10e3, "sensors.sink_ntc_ohm": 5e3,
+            "controller.device_K_W": 1.0, "inverter.link_F": 1e-3, "inverter.chopper_ohm": 30.0,
+            "controller.chopper_on_V": 262.0, "controller.chopper_off_V": 258.0,
+        }
+    )  # fmt: skip
+    brakes = Profile(duration_s=0.6, speed_rpm=((0.11, 600.0), (0.3, -600.0)), samples_per_period=1)
+    outcome = pil.compare(setup, brakes, target)
+    assert outcome.failures() == []
+    assert (outcome.steps, outcome.state) == (6000, "run")
+
+
 def test_commands_trip_and_clear(quick, target):
     sim = SimulatedDrive(quick, 1, target.controller)
     sim.start()

@@ -286,3 +286,115 @@ def test_levels_out_of_range_are_told_in_one_line():
         with pytest.raises(FirmwareError) as refused:
             controller.set(name, value)
         assert str(refused.value) == said
+
+
+# --- thermistors ---------------------------------------------------------------------------
+
+NTC = {
+    "sensors.winding_ntc_ohm": 10e3, "sensors.sink_ntc_ohm": 5e3, "sensors.sink_ntc_K": 3435.0,
+}  # fmt: skip
+#: Time lapse in which a thermistor's low pass of 0.1 s is short beside the winding's 60 s.
+SLOWER = 20.0
+
+
+@pytest.mark.parametrize("device", ("f28335", "f28377s"))
+@pytest.mark.parametrize("bits", (10, 12))
+def test_the_temperatures_arrive_through_divider_converter_and_registers(device, bits):
+    """Within half a step of the converter where the thermistor's curve is flat: 4.7 kohm against
+    260 ohm at 130 degC are 7 counts a kelvin, 10 bits have steps of 4 counts."""
+    sim = SimulatedDrive(
+        load("paper-a-feasible").changed(
+            {**NTC, "timing.device": device, "sensors.adc_bits": bits}
+        ),
+        1,
+    )
+    for winding, sink in ((-15.0, 130.0), (80.0, 20.0), (130.0, -15.0)):
+        sim.bodies.winding_degC[:], sim.junctions.sink_degC = winding, sink
+        sim.run(1.5, record=False)
+        step_K = 0.2 if bits == 12 else 0.6
+        assert sim.controller.channel("sink_degC") == pytest.approx(sink, abs=step_K)
+        assert abs(compared(sim)) < step_K, winding
+    assert sim.controller.registers.violations == 0
+
+
+@pytest.mark.parametrize("wrong", (0.8, 1.2))
+def test_a_measured_winding_is_known_although_its_resistance_was_told_wrong(wrong):
+    name = "paper-a-feasible"
+    changes = {**resistance_told(name, wrong), **NTC, "heat.time_lapse": SLOWER}
+    sim = drive(name, "db-dtfc", rated(name)[0], **changes)
+    off, highest = duty_cycle(sim, name, 4.0)
+    assert (sim.state, sim.faults) == ("run", []) and highest > 70
+    assert np.abs(off).max() < 4.0, (off.min(), off.max(), highest)
+
+
+def test_an_overload_trips_in_time_by_the_thermistor_alone():
+    """The drive is told no thermal resistance at all, and an R_s that is 20 % too small."""
+    name = "paper-a-feasible"
+    torque_Nm, speed_rpm = rated(name)
+    over_Nm = 1.5 * torque_Nm
+    sim = drive(
+        name, "db-dtfc", torque_Nm, **resistance_told(name, 0.8), **NTC, **{
+            "controller.torque_limit_Nm": 1.1 * over_Nm, "controller.winding_K_W": 0.0,
+            "controller.winding_trip_degC": CLASS_DEGC - 10,
+            "controller.winding_limit_degC": CLASS_DEGC - 10, "heat.time_lapse": SLOWER,
+            "heat.frame_s": 60.0,
+        },
+    )  # fmt: skip
+    sim.set("speed_ref_rpm", speed_rpm)
+    highest = 0.0
+    for share, seconds in ((1.0, 12.0), (1.5, 20.0)):
+        sim.load_Nm = share * torque_Nm
+        for _ in range(round(seconds / 0.1)):
+            highest = max(highest, sim.bodies.winding_degC.max())
+            if sim.state != "run" or highest > CLASS_DEGC:
+                break
+            sim.run(0.1, record=False)
+        assert share > 1 or sim.state == "run"
+    assert sim.faults == [HOT] and CLASS_DEGC - 11 < highest < CLASS_DEGC, highest
+
+
+@pytest.mark.parametrize("place", ("winding", "sink"))
+@pytest.mark.parametrize("kind", ("open", "short"))
+def test_a_thermistor_that_breaks_trips_by_its_name_within_the_debounce(place, kind):
+    sim = SimulatedDrive(load("paper-a-feasible").changed(NTC), 1)
+    start(sim)
+    sim.set("speed_ref_rpm", 300)
+    sim.run(0.3, record=False)
+    sim.break_thermistor(place, kind)
+    sim.run(0.1, record=False)
+    assert sim.state == "run", "a disturbance is no fault"
+    sim.run(0.08, record=False)
+    word = {"open": "open", "short": "shorted"}[kind]
+    place_name = {"winding": "winding", "sink": "heat sink"}[place]
+    assert sim.faults == [f"{place_name}'s thermistor {word}"]
+    sim.run(2.0, record=False)
+    sim.clear()
+    sim.start()
+    sim.run(0.05, record=False)
+    assert sim.state == "fault", "it is still broken"
+    sim.break_thermistor(place, "none")
+    sim.run(0.1, record=False)
+    sim.clear()
+    start(sim)
+
+
+def test_after_a_reset_a_thermistor_tells_a_hot_machine_at_once():
+    sim = SimulatedDrive(load("paper-a-feasible").changed({**NTC, "heat.winding_K_W": 0.5}), 1)
+    sim.bodies.winding_degC[:] = sim.bodies.frame_degC = 100.0
+    sim.run(0.05, record=False)
+    assert abs(compared(sim)) < 1.0
+
+
+@pytest.mark.parametrize("scheme", ("ddr", "db-dtfc"))
+def test_thermistors_of_a_cold_machine_leave_the_drives_bits(scheme):
+    states = []
+    for sensors in ({}, NTC):
+        base = load("paper-a-feasible").changed(
+            {"controller.scheme": scheme, "timing.latency": "predicted", **sensors}
+        )
+        sim = SimulatedDrive(base, 1)
+        start(sim)
+        sim.set("speed_ref_rpm", 300)
+        sim.run(0.6, record=False)
+        states.append(sim.plant_state.copy())
+    assert np.array_equal(*states)

@@ -6,6 +6,7 @@ from same_bits import same_bits
 
 from hexatorque import SimulatedDrive, firmware, load
 from hexatorque.errors import InputError
+from hexatorque.plant.link import CHOPPER_J
 
 NAME = "paper-a-feasible"
 OPEN_S, CLOSE_S = 0.1, 0.15
@@ -168,3 +169,77 @@ def test_the_fan_runs_while_the_drive_works_and_for_a_while_after():
 def test_a_drive_without_outputs_has_the_bits_of_one_whose_fan_runs(scheme):
     base = load(NAME).changed({"controller.scheme": scheme, "timing.latency": "predicted"})
     assert same_bits(base, {"controller.fan_s": 1.0})
+
+
+#: A bench's capacitor, and a resistor that takes more than the machine brakes with.
+LINK = {"inverter.link_F": 1e-3, "inverter.source_ohm": 0.3, "inverter.chopper_ohm": 40.0}
+ON_V, OFF_V = 310.0, 295.0
+CHOPPER = {"controller.chopper_on_V": ON_V, "controller.chopper_off_V": OFF_V}
+
+
+def braked(**changes):
+    """The drive, and each millisecond from 90 % speed to a standstill: voltage, chopper."""
+    sim = SimulatedDrive(load(NAME).changed({**LINK, "controller.scheme": "ddr", **changes}), 1)
+    sim.start()
+    sim.set("speed_ref_rpm", 1215)
+    sim.run(1.5, record=False)
+    sim.set("speed_ref_rpm", 0)
+    volts, chopped = [], []
+    for _ in range(1500):
+        sim.run(1e-3, record=False)
+        volts.append(sim.link_V)
+        chopped.append(int(sim.controller.channel("outputs")) & firmware.lib.HT_OUT_CHOPPER != 0)
+    return sim, np.array(volts), np.array(chopped)
+
+
+@pytest.mark.parametrize("device", ("f28335", "f28377s"))
+def test_the_chopper_takes_what_the_drive_brakes_with(device):
+    """Between its levels, but for what a period charges: 3 kW into 1 mF are 1 V."""
+    sim, volts, chopped = braked(**CHOPPER, **{"timing.device": device})
+    assert (sim.state, sim.faults) == ("run", []) and abs(sim.speed_rpm) < 15
+    assert ON_V - 1 < volts.max() < ON_V + 1.5
+    assert np.sum(np.diff(chopped.astype(int)) > 0) > 2 and not chopped[-1]
+    assert volts[chopped].min() > OFF_V - 1.5
+    shaft_J = 0.5 * sim.setup["machine.inertia_kgm2"] * (1215 * np.pi / 30) ** 2
+    assert 0.3 * shaft_J < sim.inverter.link.x[CHOPPER_J] < shaft_J
+    assert sim.controller.registers.violations == 0
+
+
+def test_without_the_output_the_same_braking_trips():
+    sim, volts, _ = braked(**{"inverter.chopper_ohm": 0.0})
+    assert sim.faults == ["dc-link voltage too high"] and volts.max() > 345
+
+
+def test_an_over_voltage_is_discharged_with_the_gates_off_but_not_while_the_trip_pin_is_low():
+    base = load(NAME).changed({**LINK, **CHOPPER})
+    for pin, lowest_V, highest_V in ((1, OFF_V - 1.5, OFF_V), (0, 359.0, 361.0)):
+        sim = SimulatedDrive(base, 1)
+        sim.run(0.01, record=False)
+        sim.controller.set_trip_pin(pin)
+        sim.inverter.link.x[0] = 360.0
+        sim.run(0.1, record=False)
+        assert sim.controller.channel("outputs") == 0
+        assert lowest_V <= sim.link_V <= highest_V, sim.link_V
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({**LINK, "controller.chopper_on_V": 300.0, "controller.chopper_off_V": 249.0},
+         "controller.chopper_off_V = 249: allowed is more than 250 V, the source's voltage"),
+        ({"controller.chopper_on_V": 345.0, "controller.chopper_off_V": 330.0},
+         "chopper_on_V = 345 V: allowed is up to 0.97 vdc_max_V"),
+        (LINK, "inverter.chopper_on_V = 0: the drive's output switches the chopper, so"),
+        ({**LINK, **CHOPPER, "inverter.link_F": 0.0}, "inverter.chopper_ohm needs inverter.link_F"),
+    ],
+)  # fmt: skip
+def test_a_chopper_that_cannot_work_is_refused_with_one_line(changes, line):
+    with pytest.raises(InputError) as error:
+        load(NAME).changed(changes)
+    assert line in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("scheme", ("ddr", "db-dtfc"))
+def test_a_chopper_that_has_nothing_to_do_leaves_the_drives_bits(scheme):
+    base = load(NAME).changed({"controller.scheme": scheme, "timing.latency": "predicted"})
+    assert same_bits(base, CHOPPER)

@@ -1,0 +1,155 @@
+"""The power stage's temperatures in a running drive: warning, limit, trip, and what keeps them."""
+
+import numpy as np
+import pytest
+
+from hexatorque import SimulatedDrive, firmware, load
+from hexatorque.errors import InputError
+from hexatorque.plant.vsd import PHASES
+
+NAME = "paper-a-feasible"
+#: A stage whose hottest leg is this much above its heat sink with the current of a rated load.
+RISE_K, SINK_DEGC = 40.0, 50.0
+DROP_V, OHM, NJ_VA, TAU_S = 1.0, 0.05, 150.0, 0.3
+
+
+def loss_W(i_A, vdc_V=250.0, f_Hz=10e3):
+    i_A = np.abs(i_A)
+    return DROP_V * i_A + OHM * i_A**2 + 1e-9 * NJ_VA * f_Hz * vdc_V * i_A
+
+
+def drive(scheme="db-dtfc", **changes):
+    setup = load(NAME)
+    machine = SimulatedDrive(setup).machine
+    current_A = machine.current_A(setup["rated.torque_Nm"], setup.parameter("flux_ref_Wb"))
+    stage = {
+        "device_K_W": RISE_K / loss_W(current_A), "device_s": TAU_S, "device_ohm": OHM,
+        "device_nJ_VA": NJ_VA, "drop_V": DROP_V, "ambient_degC": SINK_DEGC,
+    }  # fmt: skip
+    paths = {f"controller.{key}": value for key, value in stage.items()}
+    latency = "predicted" if firmware.needs_prediction(scheme) else setup["timing.latency"]
+    sim = SimulatedDrive(
+        setup.changed(
+            {"controller.scheme": scheme, "timing.latency": latency, "load.kind": "constant",
+             "inverter.v_switch_V": DROP_V, "inverter.v_diode_V": DROP_V, **paths, **changes}
+        ), 1,
+    )  # fmt: skip
+    start(sim)
+    return sim
+
+
+def start(sim):
+    sim.start()
+    while sim.state in ("calibrate", "build"):
+        sim.run(0.05, record=False)
+    assert sim.state == "run", sim.faults
+
+
+def warm(sim):
+    return bool(int(sim.controller.channel("warnings")) & firmware.lib.HT_WARNING_DEVICE)
+
+
+def rises(sim, seconds, before):
+    """Of all legs by the true currents, in each period."""
+    sim.run(seconds)
+    recording = sim.take()
+    i = np.array([recording[f"plant.i_{phase}_A"] for phase in PHASES])
+    gain = np.exp(-sim.period_s / TAU_S)
+    r_K_W = sim.get("device_K_W")
+    found = []
+    for sample in i.T:
+        before = before * gain + (1 - gain) * r_K_W * loss_W(sample)
+        found.append(before)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("scheme", ("ddr", "db-dtfc", "foc"))
+@pytest.mark.parametrize("speed_rpm", (0.0, 600.0))
+def test_the_hottest_leg_is_known_standing_and_turning(scheme, speed_rpm):
+    """Within the 11 % that the root of the mean square is above the mean, 2 K of ripple that the
+    samples do not see, and what the low pass of two slow periods is behind."""
+    sim = drive(scheme)
+    torque_Nm = 0.8 * sim.setup["rated.torque_Nm"]
+    sim.set("speed_ref_rpm", speed_rpm)
+    sim.run(0.5, record=False)
+    sim.load_Nm = torque_Nm
+    true = rises(sim, 2.5, np.zeros(6))[-1]
+    seen = np.array(list(sim.controller.drive.device_heat.rise_K))
+    assert sim.state == "run"
+    assert true.max() - 2.5 < seen.max() < 1.13 * true.max() + 2.5, (true, seen)
+    degC = sim.controller.channel("device_degC")
+    assert degC == pytest.approx(SINK_DEGC + seen.max(), abs=0.01)
+
+
+def test_warning_then_a_pulled_limit_then_a_trip():
+    """Limits at half of the rise that an overload makes: the torque falls until it is held."""
+    sim = drive(**{"controller.device_limit_degC": 80.0, "controller.device_trip_degC": 110.0})
+    sim.set("speed_ref_rpm", 300)
+    sim.run(0.5, record=False)
+    assert sim.controller.drive.heat_warnings == 0
+    limit_Nm = sim.controller.channel("torque_limit_Nm")
+    sim.set("control_mode", "torque")
+    sim.set("torque_ref_Nm", 1000.0)
+    sim.load_Nm = 1.2 * sim.setup["rated.torque_Nm"]
+    lowest, seen = limit_Nm, 0.0
+    for _ in range(30):
+        sim.run(0.05, record=False)
+        lowest = min(lowest, sim.controller.channel("torque_limit_Nm"))
+        seen = max(seen, sim.controller.channel("device_degC"))
+        if sim.controller.channel("device_degC") > 80.0:
+            assert warm(sim)
+    assert sim.state == "run" and 80 < seen < 110 and lowest < 0.9 * limit_Nm
+    assert int(sim.controller.channel("limits")) & firmware.lib.HT_LIMIT_HEAT
+    sim.set_many({"device_limit_degC": seen - 20.0, "device_trip_degC": seen - 20.0})
+    sim.run(0.05, record=False)
+    assert sim.faults == ["power stage hot"]
+
+
+def test_clear_and_start_keep_the_temperature_and_a_hot_stage_does_not_start():
+    sim = drive(**{"controller.device_s": 5.0})
+    heat = sim.controller.drive.device_heat
+    heat.rise_K[3] = 85.0
+    sim.run(0.03, record=False)
+    assert sim.faults == ["power stage hot"]
+    sim.clear()
+    sim.start()
+    sim.run(0.02, record=False)
+    assert sim.faults == ["power stage hot"] and heat.rise_K[3] > 80
+    sim.clear()
+    sim.run(2.0, record=False)
+    assert 50 < heat.rise_K[3] < 60  # cooled by its time constant
+    start(sim)
+
+
+def test_the_heat_sinks_thermistor_is_the_base_and_limits_without_a_model():
+    sim = drive(**{"sensors.sink_ntc_ohm": 5e3})
+    sim.junctions.sink_degC = 70.0
+    sim.run(1.5, record=False)
+    drive_ = sim.controller.drive
+    base = sim.controller.channel("device_degC") - max(drive_.device_heat.rise_K)
+    assert base == pytest.approx(70.0, abs=0.3)
+    sim.set("device_K_W", 0.0)
+    sim.junctions.sink_degC = 120.0
+    sim.run(0.5, record=False)
+    assert sim.state == "run" and warm(sim)
+    sim.junctions.sink_degC = 131.0
+    sim.run(0.5, record=False)
+    assert sim.faults == ["power stage hot"]
+
+
+def test_levels_that_cannot_be_are_refused():
+    with pytest.raises(InputError, match="device_limit_degC = 140 degC: allowed is up to"):
+        load(NAME).changed({"controller.device_limit_degC": 140.0})
+
+
+@pytest.mark.parametrize("scheme", ("ddr", "db-dtfc"))
+def test_a_stage_that_stays_cool_leaves_the_drives_bits(scheme):
+    states = []
+    for stage in ({}, {"device_K_W": 0.1}):
+        base = load(NAME).changed({"controller.scheme": scheme, "timing.latency": "predicted"})
+        sim = SimulatedDrive(base.changed({f"controller.{k}": v for k, v in stage.items()}))
+        start(sim)
+        sim.set("speed_ref_rpm", 300)
+        sim.run(0.6, record=False)
+        states.append(sim.plant_state.copy())
+    assert np.array_equal(*states)
