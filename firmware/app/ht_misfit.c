@@ -251,7 +251,7 @@ static bool vdc_fits(const ht_params *p, uint16_t misfit)
     return result;
 }
 
-/* The demands of relay and brake. */
+/* What relay and brake demand. */
 static bool outputs_fit(const float *v, uint16_t misfit)
 {
     bool result = true;
