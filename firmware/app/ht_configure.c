@@ -34,7 +34,7 @@
 #define LOSS_ZERO_SHARE 0.25f
 /* L_xy that the check of the legs learns: mean. */
 #define LXY_S 0.3f
-/* What the sets' resistances differ by: of the means, of the result. */
+/* The difference of the sets' resistances: of the means, of the result. */
 #define SETS_S 0.05f
 #define SETS_SLOW_S 0.2f
 

@@ -21,7 +21,7 @@ enum {
     HT_LIST_RESET = 5,
     /** One row with all bits of the latched faults, and of the snapshot's: no table either. */
     HT_LIST_FAULTS = 6,
-    /** Of the log (ht_log.h): one row of counters; a row for each event, the latest first. */
+    /** Rows of the log (ht_log.h): one row of counters; a row for each event, the latest first. */
     HT_LIST_COUNTERS = 7,
     HT_LIST_EVENTS = 8,
     /** A row for each limit, and when it acted: not in the CRC either. */

@@ -118,7 +118,7 @@ uint16_t ht_drive_warnings(const ht_drive *d)
     return (uint16_t)(d->warnings | d->heat_warnings | shorted);
 }
 
-/* What a comparator has found since the gates went on, fault bits. */
+/* A comparator's findings since the gates went on, fault bits. */
 HT_SELDOM static uint16_t by_comparator(const ht_drive *d)
 {
     uint16_t beyond = ht_port_beyond(d->port);

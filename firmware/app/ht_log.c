@@ -18,7 +18,7 @@
 /* A board that its watchdog starts again and again does not fill the log. */
 #define WATCHDOGS_NOTED 8u
 
-/* What the ring is writing. */
+/* The kinds of entry that the ring writes. */
 enum { PUT_NOTHING, PUT_EVENT, PUT_COUNTERS, PUT_TRIPS };
 
 /* No fault is without its count: else this divides by 0. */
@@ -99,7 +99,7 @@ static uint16_t *room(ht_drive_log *l, uint16_t event)
     return l->queue[l->waiting - 1u];
 }
 
-/* What a trip left. While it is copied another one may come: then once more. */
+/* The trip's values. While it is copied another one may come: then once more. */
 static ht_snapshot snapshot_of(const ht_drive *d)
 {
     const volatile ht_snapshot *now = &d->snapshot;

@@ -84,7 +84,7 @@ static bool can_lose(ht_winding winding, uint16_t legs, bool predicts)
 
 #define TURN_ALWAYS 2.0f /* carrier_turn */
 
-/* What sets demand that are 0 or 60 degrees apart. */
+/* The demands of sets that are 0 or 60 degrees apart. */
 static bool sets_fit(const float *v, uint16_t misfit)
 {
     const ht_scheme_info *row = ht_scheme_describe((uint16_t)v[HT_P_scheme]);
@@ -101,7 +101,7 @@ static bool sets_fit(const float *v, uint16_t misfit)
     return result;
 }
 
-/* What magnets demand. */
+/* The demands of magnets. */
 static bool magnets_fit(const float *v, uint16_t misfit)
 {
     const ht_scheme_info *row = ht_scheme_describe((uint16_t)v[HT_P_scheme]);
@@ -145,7 +145,7 @@ float ht_misfit_short_A(const ht_params *p)
                              v[HT_P_torque_limit_Nm] / (3.0f * v[HT_P_pole_pairs] * m.psi_f_Wb));
 }
 
-/* What the short circuit demands where it is the trip state. */
+/* The demands of a short circuit as the trip state. */
 static bool short_fits(const ht_params *p, uint16_t misfit)
 {
     const float *v = p->v;
@@ -229,7 +229,7 @@ static bool learns_rs(const float *v)
            && (v[HT_P_adapt_s] > 0.0f);
 }
 
-/* What the limits of the dc link demand where there are any. */
+/* The demands of the dc link's limits, if there are any. */
 static bool vdc_fits(const ht_params *p, uint16_t misfit)
 {
     const float *v = p->v;

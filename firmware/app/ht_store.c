@@ -13,7 +13,7 @@
 
 static const uint16_t mark[FIXED] = {0x5AA5u, 0xC33Cu, 0x0FF0u, 0x9669u};
 
-/* What an area holds. */
+/* The content of an area. */
 enum { COPY_BLANK, COPY_WHOLE, COPY_DAMAGED };
 typedef struct {
     uint16_t state;

@@ -20,7 +20,7 @@ static bool positive(float value)
 
 /* The laws. Each switch over them has a case for every row of ht_laws.def; no law is named here. */
 
-/* What the scheme's row decides. */
+/* The choices of the scheme's row. */
 static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
 {
     cfg->law = row->law;
@@ -115,7 +115,7 @@ static void law_reset(ht_control_state *st)
     ht_modulator_reset(&st->modulator);
 }
 
-/* What a vector law decides on. */
+/* The input of a vector law. */
 static HT_INTO_CALLERS ht_vector_law_input vectors_seen(const ht_control_config *cfg,
                                                         const ht_control_state *st,
                                                         const ht_control_input *in, ht_xy i_xy_A,
@@ -193,7 +193,7 @@ static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_contr
     return v;
 }
 
-/* What the modulator, or a law in its place, works with; the number of the toggles to `number`. */
+/* The input of the modulator, or of a law in its place; the number of the toggles to `number`. */
 static HT_INTO_CALLERS ht_modulator_input modulator_seen(const ht_control_config *cfg,
                                                          const ht_control_state *st,
                                                          const ht_control_input *in,
@@ -227,7 +227,7 @@ static HT_INTO_CALLERS void modulate(const ht_control_config *cfg, ht_control_st
     st->v_xy_pu = v.xy;
 }
 
-/* What a law sees that commands a voltage, or makes a pattern. */
+/* The input of a law that commands a voltage, or makes a pattern. */
 static HT_INTO_CALLERS void machine_seen(const ht_control_config *cfg, const ht_control_state *st,
                                          const ht_control_input *in, ht_vsd i, bool magnets,
                                          ht_voltage_law_input *seen)

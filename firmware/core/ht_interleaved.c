@@ -21,7 +21,7 @@
 #define CAP_MOST 0.06f
 /* Where pulses lie at low voltage: their edges are then in the middle of a period. */
 #define EARLY 0.125f
-/* What set 2's carrier is behind set 1's. */
+/* The lag of set 2's carrier behind set 1's. */
 #define CARRIER_2 0.25f
 
 /* From this share of the distortion on, above this voltage, squared, the sets begin together; below this
@@ -194,7 +194,7 @@ static HT_INTO_CALLERS void toggles_at(making *m, unsigned leg, uint16_t count, 
     toggles->t[leg] = t;
 }
 
-/* What the legs of a set have in common in a half. */
+/* The common part of a set's legs in a half. */
 typedef struct {
     const ht_interleaved_config *cfg;
     float sense;      /* 1 falling, -1 rising */

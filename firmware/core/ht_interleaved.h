@@ -55,14 +55,14 @@ typedef struct {
     uint16_t turn;    /**< 0..2: whose position of a set is improved */
 } ht_interleaved_state;
 
-/** What a set is to do in its half. */
+/** The task of a set in its half. */
 typedef struct {
     ht_ab v_pu;      /**< mean voltage of the set, units of Vdc */
     ht_ab quad;      /**< unit vector across the rotor flux in the middle of the half */
     ht_ab steady_pu; /**< voltage without what corrects errors, units of Vdc */
 } ht_interleaved_command;
 
-/** What a position costs: `weight` of the torque's ripple, `rho` = sigma L_s / L_xy, the sampling
+/** The cost of a position: `weight` of the torque's ripple, `rho` = sigma L_s / L_xy, the sampling
  *  frequency, and the share 0 .. 1 by which sets run in phase at low voltage. */
 void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
                               float in_phase);

@@ -45,7 +45,7 @@ ht_vsd ht_interleaved_law_step(const ht_interleaved_law_config *cfg,
     return ht_deadbeat_law_step(&cfg->deadbeat, machine, &st->deadbeat, in);
 }
 
-/* What the set that begins is to do. */
+/* The task of the set that begins. */
 static HT_INTO_CALLERS ht_interleaved_command command_of(const ht_interleaved_law_config *cfg,
                                                          const ht_observer_config *machine,
                                                          ht_interleaved_law_state *st,

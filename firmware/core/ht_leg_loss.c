@@ -63,7 +63,7 @@ static ht_set_sums sums_of(const ht_six *i_A)
     return sums;
 }
 
-/* Where a leg's current flows during a period. */
+/* The path of a leg's current during a period. */
 typedef enum { FLOWS_IN = -1, NO_FLOW = 0, FLOWS_OUT = 1 } way;
 
 static way way_of(float begin_A, float end_A, float zero_A)

@@ -55,7 +55,7 @@ typedef struct {
     float sum_A;   /**< its current without sign, added up */
 } ht_leg_evidence;
 
-/** Of the periods since the residual became large, added up. */
+/** Sums over the periods since the residual became large. */
 typedef struct {
     float both_VA;   /**< residual times the change of the x-y current */
     float change_A2; /**< this change, squared */

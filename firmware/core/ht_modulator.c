@@ -152,7 +152,7 @@ static float zero_sequence(extremes e, float kappa)
     return zero;
 }
 
-/* What is the same for all legs of a period. */
+/* The common part of all legs in a period. */
 typedef struct {
     float dead_half_pu2; /* a quarter of the dead time ... */
     float dead_per_A;    /* ... and the same over the current from which it acts fully */
@@ -163,7 +163,7 @@ typedef struct {
     uint16_t period;
 } timing;
 
-/* What is the same for the legs of a set. */
+/* The common part of a set's legs. */
 typedef struct {
     float slope;     /* counts per command: > 0 falling, < 0 rising */
     float per_count; /* high time of a toggle's counts: from 0 if falling, from 1 if rising */
@@ -295,7 +295,7 @@ static HT_INTO_CALLERS shares shares_of(const ht_modulator_config *cfg, float si
     return k;
 }
 
-/* What the legs of a set are told: their registers, and the same as instants. */
+/* The commands of a set's legs: their registers, and the same as instants. */
 typedef struct {
     const timing *t;
     const ht_six *i_A;

@@ -36,7 +36,7 @@ typedef struct {
     uint16_t s[3];   /**< state words from t[0], t[1], t[2] on */
     float t[3];      /**< instants in per unit of the period, ascending, in [0, 1];
                       *   t[1] and t[2] are 1 where no leg switches after t[0] */
-    /* What follows from these, by ht_applied_finish: */
+    /* Derived from these by ht_applied_finish: */
     unsigned later;   /**< legs with an edge after the period's very start */
     unsigned close;   /**< legs whose edges may be closer to each other or to the period's end
                        *   than the dead time */

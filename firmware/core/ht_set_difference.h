@@ -14,7 +14,7 @@
 
 typedef struct {
     float gain; /**< of the means, per call */
-    /** Of the result, per call. */
+    /** Gain of the result, per call. */
     float slow_gain;
     float least_A2; /**< the current from which on the residual tells anything, squared */
 } ht_set_difference_config;

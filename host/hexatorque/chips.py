@@ -32,7 +32,7 @@ EXACT = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
 
 @lru_cache(maxsize=1)
 def budget() -> dict[str, Any]:
-    """What the firmware's costs are held to."""
+    """The limits of the firmware's costs."""
     return tomllib.loads((SOURCES / "budget.toml").read_text(encoding="utf-8"))
 
 

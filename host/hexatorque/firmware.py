@@ -575,7 +575,7 @@ class MemoryStore(Store):
         return True
 
     def _wanted(self, begin: int, size: int, block: int, words: CData) -> tuple[int, bytes]:
-        """Where what is to be written."""
+        """The place and the bytes of a write."""
         if words == ffi.NULL:
             return begin, b"\xff" * size
         return begin + block * self.BLOCK, bytes(ffi.buffer(words, self.BLOCK))

@@ -54,7 +54,8 @@ class XcpPort:
 
     @property
     def sources(self) -> list[socket.socket]:
-        """What to wait for: the end of a master's connection before the begin of another's."""
+        """The events to wait for: the end of a master's connection before the begin of
+        another's."""
         return [s for s in (self._master, self._datagrams, self._listener) if s is not None]
 
     def pass_to(self, board: XcpLine) -> bool:

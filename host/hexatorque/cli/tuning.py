@@ -129,7 +129,7 @@ def _percent(aim: float) -> str:
 
 
 def _lines_of_errors(errors) -> list[str]:
-    """For each error that the drive did not hold: when, and why. None is not held after tuning
+    """Each error that the drive did not hold: when, and why. None is not held after tuning
     alone: such a candidate is not chosen."""
     lines = []
     for name, (before, after) in errors.items():

@@ -24,7 +24,7 @@ class EntryPoint(types.WrapperAddressProtocol):
         return self._signature
 
     def __call__(self, *arguments: int) -> None:
-        """For a plant that is not compiled (NUMBA_DISABLE_JIT=1)."""
+        """The call from a plant that is not compiled (NUMBA_DISABLE_JIT=1)."""
         ctypes.CFUNCTYPE(None, *[ctypes.c_uint64] * len(arguments))(self._address)(
             *map(int, arguments)
         )

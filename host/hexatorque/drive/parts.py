@@ -81,7 +81,7 @@ def inverter(
 
 
 def load(setup: Setup, machine: np.record, inverter: np.record, port: firmware.CData) -> np.record:
-    """What is on the shaft, without a load yet; a holding brake is closed. port: the firmware's."""
+    """The load on the shaft, none yet; a holding brake is closed. port: the firmware's."""
     made = loads.load_record(setup["load.kind"], 0.0, setup["load.at_rpm"]).copy()
     brake = made.brake
     brake.torque_Nm = brake.closed_Nm = inverter.brake_Nm = setup["load.holding_Nm"]
@@ -109,7 +109,7 @@ _PORT_WORDS, _DIRECTIONS = 8, 0x0A
 
 
 def set_pin(pin: np.record, port: firmware.CData, output: int) -> None:
-    """Where the firmware switches an output, HT_OUT_..."""
+    """Set the pin at which the firmware switches an output, HT_OUT_..."""
     m, gpio = port.board.map, int(port.board.output[output.bit_length() - 1].gpio)
     group, within = divmod(gpio, 32)
     pin.level = m.gpio_data + group * _PORT_WORDS + within // 16

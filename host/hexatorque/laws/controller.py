@@ -196,5 +196,5 @@ class LawController(Controller):
 
 
 def controller_of(law: Law) -> Callable[[str, Mapping[str, object]], LawController]:
-    """For `SimulatedDrive(setup, controller=controller_of(law))`."""
+    """The controller for `SimulatedDrive(setup, controller=controller_of(law))`."""
     return partial(LawController, law)

@@ -48,7 +48,7 @@ class EdgeLog:
         return Edges(start, time_s[order], leg, state)
 
     def _in_effect(self, legs: np.ndarray, states: np.ndarray) -> np.ndarray:
-        """What becomes of logged edges in legs of which some are broken."""
+        """The logged edges that are left in legs of which some are broken."""
         broken, command = self._broken.copy(), self._command.copy()
         found = np.empty_like(states)
         for edge, (leg, state) in enumerate(zip(legs, states)):

@@ -190,7 +190,7 @@ def inverter_record(
 
 @compiled
 def in_effect(kind, command):
-    """What becomes of a command in a leg that is broken."""
+    """The state of a broken leg under a command."""
     if kind in (OPEN, BLOCKED):
         return OFF
     if (kind == UPPER and command == HIGH) or (kind == LOWER and command == LOW):

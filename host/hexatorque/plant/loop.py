@@ -76,8 +76,8 @@ TIMING = np.dtype(
 
 
 class Plant(NamedTuple):
-    """What the gates drive. machine, load: constants; inverter, sensors: constants and state; y:
-    (8,) the machine's state."""
+    """The parts behind the gates. machine, load: constants; inverter, sensors: constants and state;
+    y: (8,) the machine's state."""
 
     machine: Any
     load: Any
@@ -99,7 +99,7 @@ class Chip(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """What a run leaves.
+    """The results of a run.
 
     instants: of the plant's samples in a period (`sample_instants`);
     plant: (periods * samples in each, len(PLANT_CHANNELS)) or empty;

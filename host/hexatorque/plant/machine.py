@@ -1,4 +1,4 @@
-"""What every machine model must provide, and what all models share: the integration step.
+"""The functions of every machine model, and the integration step that all share.
 
 A model is a module in `machines/`. It has
 
@@ -79,7 +79,7 @@ def torque_Nm(m, y, i):
 
 @_contract
 def common_part(m, y):
-    """What the phase currents of one state have in common, computed once. Any type."""
+    """The common part of a state's phase currents, computed once. Any type."""
 
 
 @_contract

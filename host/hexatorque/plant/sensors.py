@@ -252,7 +252,7 @@ def _sensed_A(se, m, y, leg):
 
 @compiled
 def _wrong_wires(se, turned):
-    """What the counter makes of a shaft that has turned by this many counts."""
+    """The counter's value for a shaft that has turned by this many counts."""
     if se.encoder_wires == _SWAPPED:
         return -turned
     if se.encoder_wires == _ONE_OPEN:

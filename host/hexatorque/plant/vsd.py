@@ -22,8 +22,9 @@ PHASES = ("u1", "u2", "w1", "w2", "v1", "v2")
 SETS = ((0, 2, 4), (1, 3, 5))
 
 
-#: exp(j angle) of one angle, without the compiler: for what is made once.
-exp_j = elementary.turned.py_func
+#: exp(j angle) of one angle, without the compiler: for what is made once. NUMBA_DISABLE_JIT leaves
+#: the plain function.
+exp_j = getattr(elementary.turned, "py_func", elementary.turned)
 
 
 def angles_rad(displacement_deg: float = 30.0) -> np.ndarray:

@@ -98,7 +98,7 @@ def approach(
 
 
 def figures(rec: Recording, edges: Edges, modules: int = 1) -> dict[str, float]:
-    """What is compared. loss_W: stator copper, conduction and switching. modules: of DEVICE in
+    """The compared figures. loss_W: stator copper, conduction and switching. modules: of DEVICE in
     parallel, for the currents of a large machine; the switching losses are the same."""
     phases_A = np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
     i_x, i_y = i_xy_A(rec)

@@ -160,7 +160,7 @@ class Sentence:
 
     @property
     def words(self) -> str:
-        """What a search with a larger budget must not change."""
+        """The part that a search with a larger budget must not change."""
         named = f"take {listed(self.take)}" if self.take else "not measured"
         return f"{self.question.asks} {named}"
 

@@ -373,8 +373,9 @@ def _ripple(
     weight: float,
     size_Vs: float,
 ) -> Ripple:
-    """Of the best pattern at each angle. Among all ways to share the switching out over the angles,
-    f_sw in proportion to the cube root of the costs has the least mean of costs/f_sw^2."""
+    """The ripple of the best pattern at each angle. Among all ways to share the switching out over
+    the angles, f_sw in proportion to the cube root of the costs has the least mean of
+    costs/f_sw^2."""
     costs, squares = [], []
     for angle, own in zip(every, products):
         all_costs = np.einsum("ab,nab->n", angle.weights(weight), own)

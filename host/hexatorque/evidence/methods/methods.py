@@ -90,7 +90,7 @@ class Method:
         return self.scheme == OURS
 
     def values(self, setup: Setup, at: np.ndarray) -> dict[str, Any]:
-        """What a setting stands for: parameters of the controller and of the law."""
+        """The values of a setting: parameters of the controller and of the law."""
         values: dict[str, Any] = dict(self.fixed)
         for axis, share in zip(self.axes, at):
             value: Any = axis.value(float(share))

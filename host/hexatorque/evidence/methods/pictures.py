@@ -121,7 +121,7 @@ def _panel(axis: Axes, at: At, figure: str, look: Look) -> None:
 
 
 def one_legend(drawn: Figure, axes: np.ndarray, columns: int) -> None:
-    """Of all panels, above them."""
+    """One legend of all panels, above them."""
     labels: dict[str, Artist] = {}
     for axis in axes.flat:
         for handle, name in zip(*axis.get_legend_handles_labels()):

@@ -152,7 +152,7 @@ def _verdicts(first: Result, again: Result | None, rivals: int) -> list[Verdict]
 
 
 def memory_bytes() -> dict[str, int]:
-    """What a law of the host keeps from period to period."""
+    """The memory of a law of the host from period to period."""
     base = MACHINES[0].place.base
     found = {}
     for method in methods():

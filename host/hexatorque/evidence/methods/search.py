@@ -41,7 +41,7 @@ REFUSED = (SetupError, FirmwareError)
 
 @dataclass(frozen=True)
 class Search:
-    """What one comparison chooses in the search. targets: figure, limit of the switching frequency,
+    """One comparison's choices in the search. targets: figure, limit of the switching frequency,
     limit of the sampling frequency, in the order in which they are refined; aims: every second
     neighbour is also sampled so much faster or slower that it should come to just below the limit;
     build_s: time for the flux, None: the set-up's."""

@@ -202,8 +202,8 @@ def _decoded(raw: bytes) -> bytes | None:
 
 
 def _checks(bodies: list[bytes], frames: int, rng: np.random.Generator) -> list[dict]:
-    """For each rate: the damaged frames, how many of them are valid COBS, how many pass a CRC-16,
-    and how many agree with given numbers of bits of the CRC-32."""
+    """Counts for each rate: the damaged frames, how many of them are valid COBS, how many pass a
+    CRC-16, and how many agree with given numbers of bits of the CRC-32."""
     rows = []
     for rate in (RATE, HEAVY):
         length = len(bodies[0])

@@ -69,7 +69,7 @@ SPEED_TRIP = 1.45
 
 
 def _setup(name: str, scheme: str, rng: np.random.Generator) -> setups.Setup:
-    """What the drive believes is pinned, then the machine is changed."""
+    """The drive's values are pinned, then the machine is changed."""
     base = setups.load(name)
     start_deg = float(rng.uniform(-180, 180))
     told = {f"controller__{n}": base.parameter(n) for n in ("i_trip_A", "i_ab_trip_A")}

@@ -146,7 +146,7 @@ def fastest_per_s(m: np.record) -> float:
 
 @compiled
 def iron_torque(m, y, omega):
-    """What the iron's loss takes of the torque."""
+    """The torque lost to the iron's loss."""
     per_Wb2 = m.hysteresis * tanh(omega / IRON_RAD_S) + m.eddy * omega
     return per_Wb2 * (y[0] * y[0] + y[1] * y[1])
 

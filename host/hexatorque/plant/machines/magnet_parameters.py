@@ -48,7 +48,7 @@ class Parameters:
 
     @property
     def sigma_ls_H(self) -> float:
-        """What the control takes for the stator transient inductance."""
+        """The control's value of the stator transient inductance."""
         return self.lq_H
 
     @property
