@@ -7,7 +7,10 @@ They are read from the text: cmake/initial_values.py needs them where there is n
 from __future__ import annotations
 
 import re
+import tomllib
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 PACKAGE = Path(__file__).resolve().parent
 #: The firmware's sources: inside the installed package, or in the work tree.
@@ -25,6 +28,12 @@ BOARDS = tuple(re.findall(r"^HT_CHIP_BOARD\(\w+, (\w+)\)", _TABLE, re.M))
 
 #: Options of a C compiler for exact C99 arithmetic, on which equal bits depend.
 EXACT = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
+
+
+@lru_cache(maxsize=1)
+def budget() -> dict[str, Any]:
+    """What the firmware's costs are held to."""
+    return tomllib.loads((SOURCES / "budget.toml").read_text(encoding="utf-8"))
 
 
 def number_of(header: str, name: str) -> float:

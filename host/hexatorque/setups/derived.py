@@ -72,6 +72,9 @@ MORE_MAIN = 1.5
 #: Low pass of the lost leg's residual.
 LEAST_SAMPLES = number_of("core/ht_voltage_law.h", "HT_LEAST_SAMPLES")
 LOSS_FILTER_S = number_of("core/ht_leg_loss.h", "HT_LEG_LOSS_FILTER_S")
+#: sigma L_s over L_xy from which `db-ipwm` has least distortion by default: the ripple that its
+#: carriers move from the torque into x-y is then many times as large as a current.
+CLEAN_FROM = 3.0
 #: Slow periods in 2 pi of the speed loop's corner.
 SLOW_PER_CORNER = 30
 #: A shaft may be so many times lighter than one whose inertia is an estimate. The loop is then as
@@ -467,6 +470,11 @@ OPEN: dict[str, Rule] = {
         "1.5 times the larger of rated speed and the speed that the voltage reaches, but 1.2 times "
         "the fastest speed of point, profile and speed_ref_rpm at least",
         lambda k: min(max(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 1.2 * k.asked_rpm), 9e4),
+    ),
+    "thd_share": Rule(
+        f"1 where sigma L_s is more than {CLEAN_FROM:g} times L_xy, else 0: where L_xy is small, "
+        "the ripple of interleaved carriers distorts the currents",
+        lambda k: 1.0 if k["sigma_ls_H"] > CLEAN_FROM * k["lxy_H"] else 0.0,
     ),
     "vdc_max_V": Rule(
         "1.4 Vdc, but at most 94 % of the sensor's range",

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from .._firmware import lib
 from .derived import (
+    CLEAN_FROM,
     F_ISR_FAST_HZ,
     I_TRIP_SHARE,
     LEAST_INERTIA,
@@ -735,6 +736,24 @@ def _speed(d: Design) -> Iterator[Finding]:
         )  # fmt: skip
 
 
+def _interrupt(d: Design, name: str) -> Iterator[Finding]:
+    """Where the chip's time for a scheme is estimated: an estimate refuses nothing."""
+    from .. import chips, firmware
+
+    cycles = chips.budget()["c28x_cycles"].get(name)
+    if cycles is None:
+        return
+    chip = d.setup["timing.device"]
+    clock_Hz = firmware.board_of(chip).map.system_clock_Hz
+    most_Hz = WRITTEN_WITHIN * clock_Hz / cycles
+    yield at_most(
+        f"fast interrupt on {chip}, estimated", 1e6 * cycles / clock_Hz,
+        WRITTEN_WITHIN * 1e6 * d.period_s, "us",
+        f"measure it on the board, or lower controller.f_isr_Hz to {math.floor(most_Hz / 1e3)}000",
+        "note",
+    )  # fmt: skip
+
+
 def _scheme(d: Design, name: str) -> Iterator[Finding]:
     from .. import firmware
 
@@ -744,6 +763,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         advice = "this winding's large vectors have no x-y voltage to choose or to regulate by"
         yield Finding(f"displacement_deg {p('displacement_deg')}", 0.0, "", 0.0, "", "bad", advice)
         return
+    yield from _interrupt(d, name)
     if lib.ht_law_commands_voltage(row.law):
         least_Hz = lib.ht_voltage_law_least_Hz(p("rs_ohm"), d.machine.least_H, p("lxy_H"))
         yield at_least(
@@ -756,6 +776,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
                 "f_isr_Hz for the x-y ripple of its carriers", p("f_isr_Hz"), least_Hz, "Hz",
                 f"set controller.f_isr_Hz = {math.ceil(least_Hz / 1e3) * 1000}, or take db-dtfc",
             )  # fmt: skip
+            yield from _interleaved(d)
         yield from _reach(d, row, by_table=False)
         # A leg toggles once in a period, or in two where carriers are interleaved.
         interleaved = row.vectors == lib.HT_VECTORS_INTERLEAVED
@@ -792,6 +813,30 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
     if virtual and row.group != lib.HT_L:
         kind = "virtual ML"
     yield from _expected(d, SWITCHING[kind] * p("f_isr_Hz"))
+
+
+#: By what a torque step under interleaved carriers moves the x-y flux, in Vdc T_s: the first set makes
+#: its voltage, of up to 2/3 Vdc, a period before the other one, and half of it is in x-y.
+FIRST_SET = 1 / 3
+
+
+def _interleaved(d: Design) -> Iterator[Finding]:
+    p = d.parameter
+    alone_A = FIRST_SET * d.vdc_V * d.period_s / d.machine.lxy_H
+    yield at_most(
+        PEAK, d.current_A(p("torque_limit_Nm")) + alone_A, p("i_trip_A"), "A",
+        "a torque step may trip: lower controller.torque_limit_Nm, raise controller.f_isr_Hz, or "
+        "take db-dtfc",
+    )  # fmt: skip
+    subject = f"sigma_ls_H over lxy_H, where thd_share is {p('thd_share'):g}"
+    ratio = p("sigma_ls_H") / p("lxy_H")
+    if p("thd_share") >= 0.5:
+        yield _told(subject, ratio, "")
+    else:
+        yield at_most(
+            subject, ratio, CLEAN_FROM, "",
+            "ripple in x-y distorts the currents much: set controller.thd_share = 1", "note",
+        )  # fmt: skip
 
 
 def _expected(d: Design, f_sw_Hz: float) -> Iterator[Finding]:

@@ -10,6 +10,9 @@ from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.methods.bench import measure
 from hexatorque.evidence.methods.places import PLACES
+from hexatorque.plant.vsd import PHASES
+from hexatorque.setups import review
+from hexatorque.setups.review import PEAK
 
 #: Near 4 kHz, from the f_isr of 12 samples in a whole number of counts.
 QUARTER_HZ, HALF_HZ = 150e6 / 9384, 150e6 / 18756
@@ -32,7 +35,7 @@ def test_both_ends_of_the_knob_against_the_deadbeat_law(place):
     """At the switching frequency of db-dtfc it has half of its torque ripple at one end, and no
     more distortion at the other."""
     theirs = at(place, "db-dtfc", HALF_HZ)
-    smooth = at(place, "db-ipwm", QUARTER_HZ)
+    smooth = at(place, "db-ipwm", QUARTER_HZ, thd_share=0.0)
     assert smooth["f_sw_Hz"] <= 1.01 * theirs["f_sw_Hz"]
     assert smooth["td_Nm"] <= 0.5 * theirs["td_Nm"]
     clean = at(place, "db-ipwm", QUARTER_HZ, thd_share=1.0)
@@ -74,6 +77,25 @@ def test_twice_base_speed_and_back(setup, speed_rpm):
         assert sim.speed_rpm == pytest.approx(speed, abs=0.01 * speed_rpm)
 
 
+@pytest.mark.parametrize("f_isr_Hz", (10e3, 20e3))
+@pytest.mark.parametrize("scheme", ("db-ipwm", "foc"))
+def test_a_run_up_beyond_the_reach_with_the_full_flux_trips_nothing(scheme, f_isr_Hz):
+    """The flux is 3 % short there, and the shaft is as quick as it was measured."""
+    base = setups.load("paper-b").with_scheme(
+        scheme,
+        controller__f_isr_Hz=f_isr_Hz,
+        controller__field_weakening="off",
+        timing__latency="predicted",
+    )
+    sim = SimulatedDrive(base, 1)
+    sim.start()
+    sim.run(base.parameter("build_s") + 0.1, record=False)
+    sim.set("speed_ref_rpm", 4600.0)
+    sim.run(1.5, record=False)
+    sim.check()
+    assert sim.speed_rpm > 4200
+
+
 @pytest.mark.parametrize("setup", ("paper-a-feasible", "paper-b"))
 def test_the_knob_moves_while_the_drive_runs(setup):
     """Through the voltage and the share from which the sets begin together, without a dip of the
@@ -94,3 +116,50 @@ def test_the_knob_moves_while_the_drive_runs(setup):
     sim.check()
     torque_Nm = sim.take()["plant.torque_Nm"]
     assert np.abs(torque_Nm - torque_Nm.mean()).max() < 0.3 * load_Nm
+
+
+@pytest.mark.parametrize("thd_share", (0.0, 1.0))
+def test_what_a_torque_step_adds_to_the_current_is_what_check_says(thd_share):
+    """Sampled as slowly as the firmware lets it, at a voltage near its trip: a quarter of the trip
+    for ripple is enough, because the step of one set before the other takes twice as much."""
+    base = setups.load("small-2kw")
+    setup = base.with_scheme(
+        "db-ipwm",
+        controller__f_isr_Hz=12.8e3,
+        controller__thd_share=thd_share,
+        controller__vdc_max_V=base.parameter("vdc_max_V"),
+        controller__torque_limit_Nm=base.parameter("torque_limit_Nm"),
+        inverter__vdc_V=0.97 * base.parameter("vdc_max_V"),
+        sensors__i_noise_A=0.04,
+    )
+    (told,) = (f for f in review.review(setup, ["db-ipwm"], steady=False) if f.subject == PEAK)
+    sim = SimulatedDrive(setup, 4)
+    sim.start()
+    sim.run(setup.parameter("build_s") + 0.1, record=False)
+    limit_Nm = setup.parameter("torque_limit_Nm")
+    sim.set_many({"control_mode": "torque", "torque_ref_Nm": limit_Nm})
+    for step in range(30):
+        sim.set("torque_ref_Nm", limit_Nm * (-1) ** step)
+        sim.run(0.0173)
+    sim.check()
+    rec = sim.take()
+    peak_A = max(np.abs(rec[f"plant.i_{phase}_A"]).max() for phase in PHASES)
+    assert 0.6 * told.value < peak_A < 1.05 * told.value
+    assert told.verdict == "ok"
+
+
+def test_the_share_follows_the_machine():
+    """Where x-y has little inductance beside the leakage, and nowhere else; and check says so."""
+    shares = {n: setups.load(n).parameter("thd_share") for n in ("small-2kw", "large-110kw")}
+    assert shares == {"small-2kw": 1.0, "large-110kw": 0.0}
+    for name, changes, verdict in (
+        ("small-2kw", {}, "ok"),
+        ("small-2kw", {"controller__thd_share": 0.0}, "note"),
+        ("large-110kw", {}, "ok"),
+        ("large-110kw", {"machine__lxy_H": 2.5e-4}, "ok"),
+    ):
+        setup = setups.load(name).with_scheme("db-ipwm", **changes)
+        found = review.review(setup, ["db-ipwm"], steady=False)
+        (told,) = (f for f in found if f.subject.startswith("sigma_ls_H over lxy_H"))
+        assert told.verdict == verdict, (name, changes)
+    assert setup.parameter("thd_share") == 1.0

@@ -8,7 +8,7 @@ import shlex
 
 import pytest
 
-from hexatorque import measure, setups
+from hexatorque import chips, measure, setups
 from hexatorque.cli.main import main
 from hexatorque.firmware import schemes
 from hexatorque.setups import estimate, new, published
@@ -490,3 +490,20 @@ def test_the_pulses_that_are_noted_are_those_that_cost_torque_ripple():
         verdict[us] = short_pulses(changed, ["foc"])["foc"].verdict
     assert verdict == {2.0: "ok", 12.0: "ok", 20.0: "note"}
     assert ripple_Nm[12.0] < 1.5 * ripple_Nm[2.0] and ripple_Nm[20.0] > 5 * ripple_Nm[2.0]
+
+
+@pytest.mark.parametrize(("chip", "clock_Hz"), [("f28335", 150e6), ("f28377s", 200e6)])
+def test_a_chip_that_is_too_slow_for_the_sampling_frequency(chip, clock_Hz):
+    """The budget's cycles are to leave a fifth of the period."""
+    cycles = chips.budget()["c28x_cycles"]["db-ipwm"]
+    most_Hz = 0.8 * clock_Hz / cycles
+    for f_isr_Hz, verdict in ((most_Hz - 400, "ok"), (most_Hz + 400, "note")):
+        f_isr_Hz = 100 * round(f_isr_Hz / 100)
+        setup = setups.load("paper-a-feasible").with_scheme(
+            "db-ipwm", timing__device=chip, controller__f_isr_Hz=f_isr_Hz, controller__f_slow_Hz=100
+        )
+        found = review(setup, ["db-ipwm"], steady=False)
+        (told,) = (f for f in found if f.subject.startswith("fast interrupt on"))
+        assert told.verdict == verdict and chip in told.subject
+        assert told.value == pytest.approx(1e6 * cycles / clock_Hz)
+    assert f"f_isr_Hz to {most_Hz // 1000:.0f}000" in told.advice

@@ -43,3 +43,14 @@ def test_tables_picture_and_limits(tmp_path):
     first, second = dynamics.failures(result)
     assert "rise_up_ms 1.20, dtc1 1.00" in first
     assert second.endswith("sag: over-current")
+
+
+@pytest.mark.parametrize("step", (dynamics.TORQUE_STEPS[1], dynamics.TORQUE_STEPS[3]))
+def test_the_interleaved_law_steps_as_fast_as_the_deadbeat_law(step):
+    """At the same switching frequency. The sets begin a step a quarter of a carrier apart, which is
+    little beside what the voltage takes for it."""
+    theirs = dynamics.torque_steps(Variant("db-dtfc"), *step, None)
+    ours = dynamics.torque_steps(Variant("db-ipwm", 20e3), *step, None)
+    for way in ("rise_up_ms", "rise_down_ms"):
+        assert ours[way] <= 1.25 * theirs[way]
+    assert ours["overshoot_pct"] <= theirs["overshoot_pct"]
