@@ -701,7 +701,11 @@ def _advance_link_alone(inv, dt, longest):
     chopper change."""
     left = dt
     taken = longest
+    guard = 0
     while left > 1e-15:
+        guard += 1
+        if guard > MAX_STEPS:
+            raise ArithmeticError("inverter: diodes chatter, time does not advance")
         switch_link(inv.link)
         taken = min(left, longest, 2.0 * taken)
         for _ in range(40):
