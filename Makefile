@@ -199,7 +199,7 @@ docs-tools = $(BIN)/python -c 'import latex2mathml, material, minify, mkdocstrin
   HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}docs tools/setup.sh $(VENV)
 docs: $(VENV)/.installed
 	@$(docs-tools)
-	@echo "building the documentation: half a minute"; NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo "the documentation: build/site/index.html"
+	@echo "building the documentation: half a minute"; NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo "the documentation: build/site/index.html; with search: $(BIN)/python -m http.server -d build/site"
 
 web: $(VENV)/.installed
 	@$(docs-tools)

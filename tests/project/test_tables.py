@@ -32,6 +32,15 @@ TEXTS = [
     )
     if len(text) >= LONG
 ]  # fmt: skip
+#: Rows of two words or more, whose whole text nothing else has.
+NAMES = {
+    name
+    for name in (
+        *firmware.FAULTS.values(), *firmware.WARNINGS.values(), *firmware.LIMITS.values(),
+        *firmware.EVENTS.values(), *map(firmware.reset_cause, range(lib.HT_RESETS)),
+    )
+    if " " in name
+}  # fmt: skip
 #: Shares of other parameters that are limits. One of two digits may mean something else.
 SHARES = {order.share for order in firmware.orders() if len(f"{order.share:g}") > 4}
 
@@ -53,6 +62,15 @@ def written(tree: ast.AST) -> str:
         n for n in ast.walk(tree) if isinstance(n, ast.Constant) and id(n) not in described
     )
     return "\n".join(n.value for n in constants if isinstance(n.value, str))
+
+
+def names_in(tree: ast.AST) -> set[str]:
+    """Constants that are the name of a row."""
+    return {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant)} & NAMES
+
+
+def names_in_javascript(source: str) -> set[str]:
+    return set(re.findall(r"[\"'`]([^\"'`\n]+)[\"'`]", source)) & NAMES
 
 
 def states_in(tree: ast.AST) -> list[int]:
@@ -96,6 +114,8 @@ def test_there_is_something_to_look_for():
     ]  # fmt: skip
     says = "def f():\n    'link lost'\n    return f'{x}: the session has ended'"
     assert texts_in(written(ast.parse(says))) == {"the session has ended"}
+    assert names_in(ast.parse("x = ('dc link high', 'a trip')")) == {"dc link high"}
+    assert names_in_javascript("f('winding warm', `trip`)") == {"winding warm"}
 
 
 @pytest.mark.parametrize("path", PYTHON, ids=lambda path: path.relative_to(HOST).as_posix())
@@ -103,6 +123,7 @@ def test_python_asks_the_tables(path):
     source = path.read_text(encoding="utf-8")
     tree = ast.parse(source)
     assert (texts_in(written(tree)), states_in(tree), shares_in(tree)) == (set(), [], set())
+    assert names_in(tree) == set()
 
 
 @pytest.mark.parametrize("path", PAGE, ids=lambda path: path.name)
@@ -110,3 +131,4 @@ def test_the_page_asks_the_tables(path):
     source = path.read_text(encoding="utf-8")
     assert texts_in(source) == set()
     assert states_in_javascript(source) == []
+    assert names_in_javascript(source) == set()

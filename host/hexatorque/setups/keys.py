@@ -111,7 +111,7 @@ KEYS: dict[str, dict[str, Key]] = {
         "start_deg": _n("electrical angle of the d axis at the beginning", "deg", -360, 360, 0.0),
         "displacement_deg": Key(
             "choice",
-            "what set 2 of the winding lies ahead of set 1 by, electrical",
+            "angle of set 2 of the winding ahead of set 1, electrical",
             "deg",
             choices=tuple(map(str, DISPLACEMENTS_DEG)),
             default=str(DISPLACEMENTS_DEG[0]),
@@ -158,7 +158,7 @@ KEYS: dict[str, dict[str, Key]] = {
             follows="vdc_V",
         ),
         "restrike_V_per_ms": _n(
-            "what an opening contact withstands beyond arc_V grows at this rate, and beyond it the "
+            "growth of the voltage beyond arc_V that an opening contact withstands; above it the "
             "arc strikes again; 0: never again",
             "V/ms",
             0,

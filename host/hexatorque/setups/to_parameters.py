@@ -196,7 +196,7 @@ NOT_ON_A_BOARD = {
         "encoder_wires",
     ),
     "timing": ("device",),
-    "load": ("kind", "at_rpm", "holding_Nm", "holding_open_s", "holding_close_s"),
+    "load": ("kind", "at_rpm", "holding_Nm"),
     "heat": (
         "switch_K_W",
         "switch_s",

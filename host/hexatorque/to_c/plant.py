@@ -90,7 +90,9 @@ def initialiser(part: np.record | np.ndarray) -> str:
         return f"{{{number.real!r}, {number.imag!r}}}"
     if part.dtype == np.uint64:
         return f"UINT64_C({number})"
-    return repr(number) if isinstance(number, float) else f"INT64_C({number})"
+    if isinstance(number, float):
+        return "INFINITY" if number == np.inf else repr(number)
+    return f"INT64_C({number})"
 
 
 def files(t: Translator) -> dict[str, str]:

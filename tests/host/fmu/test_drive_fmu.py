@@ -26,6 +26,17 @@ SETUPS = {
     "open leg": ("paper-b", BEARS | ARC),
     "fan": ("paper-a", {"load.kind": "fan", "timing.device": "f28335"}),
     "magnets": ("magnet-interior", {"inverter.v_diode_V": 1.0, "inverter.v_switch_V": 1.2}),
+    "line and brake": (
+        "paper-b",
+        {
+            "inverter.link_F": 200e-6,
+            "inverter.source_H": 1e-3,
+            "inverter.line_Hz": 50.0,
+            "load.holding_Nm": 4.0,
+            "load.holding_open_s": 0.01,
+            "load.holding_close_s": 0.01,
+        },
+    ),
     "shorted": (shorted_machine.NAME, shorted_machine.CHANGES),
 }
 TRUE = [f"plant.{name}" for name, _ in PLANT_CHANNELS]
@@ -88,7 +99,7 @@ def test_it_computes_the_bits_of_the_simulation(made, what):
         command(sim, given)
         true, rows = sim.rows(1)
         fmu.set(**given)
-        assert same(before, [float(x) for x in true[0]]), k
+        assert same(before, [float(x) for x in true[0][: len(TRUE)]]), k
         fmu.step()
         assert same(fmu.get(*channels), [float(x) for x in rows[0]]), k
         before = fmu.get(*TRUE)

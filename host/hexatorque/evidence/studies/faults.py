@@ -364,7 +364,7 @@ FAULTS = (
         (firmware.CALIBRATE,),
         LATER,
     ),
-    Fault("estimate not finite", _upset(np.nan, np.inf, -np.inf), (FOUND.NONFINITE,)),
+    Fault(FOUND.NONFINITE, _upset(np.nan, np.inf, -np.inf), (FOUND.NONFINITE,)),
     Fault("flux out of bounds", _upset(2.0, -2.0), (FLUX,)),
     Fault("trip pin", _trip_pin, (FOUND.EXTERNAL,), GATES_ON),
     Fault(

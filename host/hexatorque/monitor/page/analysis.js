@@ -62,7 +62,7 @@ export class Analysis {
     };
     this.from = field("begin of the part");
     this.to = field("end of the part");
-    this.all = make("button", { type: "button", textContent: "all", title: "what the plots show; no marks" });
+    this.all = make("button", { type: "button", textContent: "all", title: "the plots' span; no marks" });
     this.all.addEventListener("click", () => this.source().stack.setMarks());
     this.options = make("span", { className: "options" });
     this.said = make("p", { className: "said", role: "status" });

@@ -49,7 +49,7 @@ export function commissioning(the_device, stop) {
   const form = make("form", { id: "guide-form", autocomplete: "off" },
     make("p", { textContent: "It measures wiring, machine and load. The gates switch, and the shaft turns in some steps. "
       + "Before each step the gates are off: it says what it will do, and waits for you." }),
-    make("fieldset", {}, make("legend", { textContent: "steps; what they need is done as well" }), ...boxes),
+    make("fieldset", {}, make("legend", { textContent: "steps, beside those that they need" }), ...boxes),
     make("fieldset", { className: "choices" }, make("legend", { textContent: "limits" }), ...fields),
     make("button", { type: "submit", className: "primary", id: "guide-begin", textContent: "Begin" }));
   form.addEventListener("submit", (event) => { event.preventDefault(); begin(form); });
