@@ -815,8 +815,8 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
     yield from _expected(d, SWITCHING[kind] * p("f_isr_Hz"))
 
 
-#: By what a torque step under interleaved carriers moves the x-y flux, in Vdc T_s: the first set makes
-#: its voltage, of up to 2/3 Vdc, a period before the other one, and half of it is in x-y.
+#: By what a torque step under interleaved carriers moves the x-y flux, in Vdc T_s: the first set
+#: makes its voltage, of up to 2/3 Vdc, a period before the other one, and half of it is in x-y.
 FIRST_SET = 1 / 3
 
 

@@ -211,8 +211,8 @@ The fast interrupt calls no library function{calls}; square roots are the proces
 by file (`--opt_level=2`). The table has the instructions of a Cortex-M4F compiled in this way at
 -O2. Those that are not branches count 1 to 1.5 cycles each; branches, calls and returns count 4 to
 7, the depth of the C28x's pipeline. The memory is assumed to have no wait states. The last columns
-are the upper estimate's share of the period at that f_isr. `{placing}` runs on `{placed}`, where its
-positions count. Where less than {left:.0f} % is left, `hexatorque check` has a note.
+are the upper estimate's share of the period at that f_isr. `{placing}` runs on `{placed}`, where
+its positions count. Where less than {left:.0f} % is left, `hexatorque check` has a note.
 
 {estimates}
 

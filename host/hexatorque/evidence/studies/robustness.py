@@ -3,10 +3,11 @@ DTC1, DTC3, DDR and foc.
 
 Each error acts alone, in steady state. All schemes run with predicted latency. There are two parts:
 
-- `db-dtfc` beside the table schemes, at the papers' operating points and at one near paper A's highest
-  speed, sampled at 10 kHz with the set-up's bands. `db-dtfc` also runs at 5 kHz, where it switches less
+- `db-dtfc` runs beside the table schemes, at the papers' operating points and at one near paper A's
+  highest speed, sampled at 10 kHz with the set-up's bands, and at 5 kHz, where it switches less
   often than DDR;
-- `db-ipwm` beside `db-dtfc` and `foc`, at two points of each of four machines, all switching at 5 kHz.
+- `db-ipwm` runs beside `db-dtfc` and `foc`, at two points of each of four machines. All switch at
+  5 kHz.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ POINTS = (
 #: With its errors a scheme may have this much more torque ripple and distortion than the best
 #: other scheme with the same error.
 NOT_WORSE = 1.0
-#: Sampled at 20 kHz this set-up's start trips under every law: while the flux is built, it does not fit the
-#: current.
+#: Sampled at 20 kHz this set-up's start trips under every law: the current does not fit the flux
+#: while that is built.
 TRIPS = {("large-110kw", "R_r × 0.7")}
 #: With a parameter that is 30 % wrong `db-ipwm` may have this much more torque ripple than without.
 WRONG_SHARE = 1.2
@@ -131,8 +132,8 @@ ERRORS = (
     Error("no pulse below 1 µs", changes={"inverter__min_pulse_us": 1.0}),
     Error("current filter 5 kHz", changes={"sensors__i_filter_Hz": 5e3}),
 )
-#: Under these the modulated schemes are compared on all machines. Paper A's sensors have 25 A: the noise
-#: is 30 and 100 mA there.
+#: Under these the modulated schemes are compared on all machines. Paper A's sensors have 25 A: the
+#: noise is 30 and 100 mA there.
 MACHINE_ERRORS = (
     ERRORS[0],
     *(Error(name, factors) for name, factors in WRONG.items()),
@@ -178,7 +179,8 @@ FIGURES = {
 
 @dataclass(frozen=True)
 class Row:
-    """One run. part: its number. `lost`: why the drive does not hold the point, or refuses the setting, else empty."""
+    """One run. part: its number. `lost`: why the drive does not hold the point, or refuses the
+    setting, else empty."""
 
     setup: str
     speed_rpm: float
