@@ -38,14 +38,15 @@ dead_time_us = 2.0
 calibration_s = 0.005
 build_s = 0.05
 """
-#: A row for the end of a table of firmware/app, which is all that a new one takes.
+#: A row for the end of a table of firmware/app, which is all that a new one takes. bit: the first
+#: free one; next: the number of the rows, and one more.
 ROWS = {
-    "ht_faults.def": 'HT_FAULT(DOOR, 0x20000u, "door open", "of the cabinet")',
-    "ht_limits.def": 'HT_LIMIT(FAN, 0x0800, "fan off", "of the cabinet")',
-    "ht_events.def": 'HT_EVENT(DOOR, 5, "door closed", "of the cabinet")',
+    "ht_faults.def": 'HT_FAULT(DOOR, {bit}u, "door open", "of the cabinet")',
+    "ht_limits.def": 'HT_LIMIT(FAN, {bit}, "fan off", "of the cabinet")',
+    "ht_events.def": 'HT_EVENT(DOOR, {next}, "door closed", "of the cabinet")',
     "ht_states.def": 'HT_STATE(HOLD, 6, "hold", HT_AT_WORK | HT_GATES_ON)',
-    "ht_warnings.def": 'HT_WARNING(DOOR, 0x0800, "door ajar", "of the cabinet")',
-    "ht_results.def": 'HT_RESULT(DOOR, 12, 1, "the door is open in state {state}")',
+    "ht_warnings.def": 'HT_WARNING(DOOR, {bit}, "door ajar", "of the cabinet")',
+    "ht_results.def": 'HT_RESULT(DOOR, 15, 1, "the door is open in state {state}")',
     "ht_misfits.def": "HT_ORDER(FLUX_BAND, flux_band_Wb, 0.5f, flux_ref_Wb, 1)",
     "ht_sets.def": 'HT_SET(FACTORY, 4, "of the factory")',
 }
@@ -101,6 +102,8 @@ def tree(tmp_path_factory):
     for table, row in ROWS.items():
         path = folder / "firmware" / "app" / table
         text, end = path.read_text(), "#endif\n"  # the last faults are no enumerators
+        rows = len(re.findall(r"^HT_", text, re.M))
+        row = row.replace("{bit}", hex(1 << rows)).replace("{next}", str(rows + 1))
         text = f"{text.removesuffix(end)}{row}\n{end if text.endswith(end) else ''}"
         path.write_text(text)
     return folder

@@ -104,7 +104,7 @@ def rows() -> dict:
     ffi, lib = firmware.ffi, firmware.lib
     client = object.__new__(Client)
     client.states = firmware.STATE_TABLE
-    reply = wire.Reply(wire.Op.START, 1, 12, len(firmware.STATES) - 1, 0, 0, b"")
+    reply = wire.Reply(wire.Op.START, 1, 15, len(firmware.STATES) - 1, 0, 0, b"")
     refused = client.refused(reply, "start")
     packet, port = ffi.new("ht_packet *"), ffi.new("ht_port *")
     lib.ht_port_bind(port, ffi.NULL, firmware.board_of("f28377s"))
@@ -126,10 +126,10 @@ def rows() -> dict:
     return {
         "state": firmware.STATE_TABLE[-1]._asdict(),
         "listed": listed,
-        "faults": firmware.causes(0x20001),
-        "limits": firmware.limits(0x0800),
-        "event": firmware.EVENTS[5],
-        "warnings": firmware.warnings(0x0800),
+        "faults": firmware.causes(max(firmware.FAULTS) | 1),
+        "limits": firmware.limits(max(firmware.LIMITS)),
+        "event": firmware.EVENTS[max(firmware.EVENTS)],
+        "warnings": firmware.warnings(max(firmware.WARNINGS)),
         "refused": [str(refused), refused.mistake],
         "set": firmware.PARAMETER_SETS[-1],
         "misfit": said[0].removeprefix("controller set-up: "),
