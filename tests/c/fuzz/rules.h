@@ -9,7 +9,7 @@
 #include "ht_service.h"
 #include "reference.h"
 
-#define RULES_PARAMS 128u
+#define RULES_PARAMS 256u
 #define RULES_FRAME (2u * REFERENCE_FRAME)
 
 /* Octets of one direction that no zero has closed yet. */

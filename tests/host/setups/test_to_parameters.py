@@ -111,6 +111,7 @@ def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_d
         "controller.vdc_max_V": 570.0, "sensors.vdc_full_V": 800.0, "inverter.line_Hz": 50.0,
         "inverter.source_H": 1e-3, "inverter.precharge_ohm": 10.0, "inverter.e_on_mJ": 1.0,
         "heat.switch_K_W": [0.1, 0.1, 0.1, 0.1], "load.holding_Nm": 5.0,
+        "sensors.winding_ntc_ohm": 10e3, "sensors.sink_ntc_ohm": 10e3,
     }  # fmt: skip
     induction = section != "machine" or key == "model" or key in constants_of("induction")
     setup = (
