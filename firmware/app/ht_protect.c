@@ -216,18 +216,8 @@ static uint16_t magnets_slow(const ht_protect_config *cfg, ht_protect_state *st,
     return flux_beyond(cfg, st, off2);
 }
 
-/* Speed of the flux. A flux of less than 0.7 of its reference is on its way there, or none. */
-#define SHORT_FLUX2 0.5f
-static float flux_rad_s(const ht_control_state *c, float inv_flux_ref2)
-{
-    ht_ab psi = c->estimate.psi_Wb;
-    float size2 = inv_flux_ref2 * (psi.alpha * psi.alpha + psi.beta * psi.beta);
-    float told_rad_s = c->observer.omega_sync_rad_s;
-    return (size2 > SHORT_FLUX2) ? (told_rad_s / size2) : told_rad_s;
-}
-
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
-                         const ht_control_state *c, float speed_rpm, float inv_flux_ref2)
+                         const ht_control_state *c, float speed_rpm)
 {
     ht_ab i = c->observer.i_A;
     uint16_t faults = 0u;
@@ -240,7 +230,7 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     }
     follow(cfg, st, r, i);
     if (r2 != 0.0f) {
-        float estimated = cfg->rpm_per_rad_s * (flux_rad_s(c, inv_flux_ref2) - slip / r2);
+        float estimated = cfg->rpm_per_rad_s * (c->observer.omega_sync_rad_s - slip / r2);
         off = speed_rpm - estimated + cfg->estimate_back * (estimated - st->estimated_rpm);
         st->estimated_rpm = estimated;
         st->speed_error_rpm += cfg->encoder_gain * (off - st->speed_error_rpm);

@@ -98,9 +98,8 @@ void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
  *
  *  Encoder: the speed of the shaft is the speed of the flux minus the slip. Both are compared
  *  for the same instant: otherwise a drive that accelerates would look like one with a wrong
- *  encoder. The observer has the flux's speed as if its length were the reference's;
- *  `inv_flux_ref2`, 1/Wb^2, tells how far it is from that beyond the voltage's reach. 0: not known. */
+ *  encoder. */
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
-                         const ht_control_state *c, float speed_rpm, float inv_flux_ref2);
+                         const ht_control_state *c, float speed_rpm);
 
 #endif

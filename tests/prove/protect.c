@@ -177,7 +177,7 @@ void prove_protect_slow(void)
     c.observer.gap_Wb = any_ab();
     c.observer.rr_scale = nondet_float();
     c.observer.omega_sync_rad_s = nondet_float();
-    faults = ht_protect_slow(&cfg, &st, &c, speed_rpm, nondet_float());
+    faults = ht_protect_slow(&cfg, &st, &c, speed_rpm);
     MUST((faults & ~((unsigned)HT_FAULT_ENCODER | (unsigned)HT_FAULT_FLUX)) == 0u);
     MUST(IMPLIES(!(cfg.encoder_trip_rpm > 0.0f), (faults & HT_FAULT_ENCODER) == 0u));
     MUST(IMPLIES(!(cfg.flux_check > 0.0f), (faults & HT_FAULT_FLUX) == 0u));
