@@ -58,6 +58,14 @@ def highest_source_V(setup: Values) -> float:
     return highest * (RECTIFIED_PEAK if setup["inverter.line_Hz"] > 0 else 1.0)
 
 
+def below_source(setup: Values, path: str, off_V: float) -> str | None:
+    """A line if a chopper that is on down to this voltage would heat with the source's energy."""
+    highest_V = highest_source_V(setup)
+    if off_V > highest_V:
+        return None
+    return f"{path} = {off_V:g}: allowed is more than {highest_V:g} V, the source's voltage"
+
+
 class Design:
     """A set-up with the controller parameters that are in force. `parameter(name)` gives one."""
 

@@ -11,7 +11,7 @@ from ..given import pairs
 from ..plant.legs import DROPS
 from ..plant.machines import constants_of
 from . import derived, paths, to_parameters
-from .design import highest_source_V
+from .design import below_source
 from .keys import KEYS, MODEL, ZERO_OR_AT_LEAST, foreign
 from .values import Profile, SetupError, Value
 
@@ -239,28 +239,11 @@ def _link_lines(setup: Setup) -> list[str]:
             "inverter.line_Hz needs inverter.source_H above 0: a line without inductance has no "
             "commutation"
         )
-    highest_V = highest_source_V(setup)
-
-    def above_source(path: str) -> None:
-        if setup[path] <= highest_V:
-            lines.append(
-                f"{path} = {setup[path]:g}: allowed is more than {highest_V:g} V, "
-                "the source's voltage"
-            )
-
-    by_drive = setup["controller.chopper_on_V"] > 0
-    if by_drive:
-        above_source("controller.chopper_off_V")
-    if setup["inverter.chopper_ohm"] > 0:
-        off_V, on_V = setup["inverter.chopper_off_V"], setup["inverter.chopper_on_V"]
-        if on_V == 0:
-            if not by_drive:
-                lines.append(
-                    "inverter.chopper_on_V = 0: the drive's output switches the chopper, so "
-                    "controller.chopper_on_V must be above 0"
-                )
-            return lines
-        above_source("inverter.chopper_off_V")
+    off_V, on_V = setup["inverter.chopper_off_V"], setup["inverter.chopper_on_V"]
+    # At 0 the drive's output switches it: to_parameters.beside_the_plant.
+    if setup["inverter.chopper_ohm"] > 0 and on_V > 0:
+        if too_low := below_source(setup, "inverter.chopper_off_V", off_V):
+            lines.append(too_low)
         if on_V <= off_V:
             lines.append(
                 f"inverter.chopper_on_V = {on_V:g}: allowed is more than {off_V:g} V, "

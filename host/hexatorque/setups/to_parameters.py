@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .derived import Known, rules_of
+from .design import below_source
 from .values import Profile, Values
 
 
@@ -105,7 +106,17 @@ def beside_the_plant(setup: Values) -> list[str]:
     """A line for every parameter that leaves something of the plant without its use, and
     `load_before_flux`."""
     values, lines = parameters(setup), []
+    by_drive = float(values["chopper_on_V"]) > 0
+    if by_drive:
+        path = "controller.chopper_off_V"
+        if too_low := below_source(setup, path, float(values["chopper_off_V"])):
+            lines.append(too_low)
     if setup["inverter.chopper_ohm"] > 0:
+        if setup["inverter.chopper_on_V"] == 0 and not by_drive:
+            lines.append(
+                "inverter.chopper_on_V = 0: the drive's output switches the chopper, so "
+                "controller.chopper_on_V must be above 0"
+            )
         on_V, trip_V = setup["inverter.chopper_on_V"], float(values["vdc_max_V"])
         if on_V >= trip_V:
             lines.append(
