@@ -10,23 +10,31 @@
 #define LOW_PASS_S 0.1f
 #define PATIENCE_S 0.1f
 #define LEAST_PATIENCE 3.0f
-#define HIGHEST ((uint16_t)(HT_ADC_FULL - HT_NTC_END_COUNTS))
+#define HIGHEST ((uint16_t)((uint16_t)HT_ADC_FULL - (uint16_t)HT_NTC_END_COUNTS))
 /* Hotter than any: 1/T does not become 0 or less. */
 #define LEAST_PER_K 0.001f
 
-/* Natural logarithm of x > 0, within 1e-7: the same bits on every processor. */
-static float logarithm(float x)
+/* So often a positive number is halved or doubled at most: beyond 2^64 there is no thermistor. */
+#define MOST_HALVES 64u
+
+/* Natural logarithm of a positive number, within 1e-7: the same bits on every processor. */
+static float logarithm(float of)
 {
+    float x = of;
     float halves = 0.0f;
     float z;
     float z2;
-    while (x > ROOT_2) {
-        x *= 0.5f;
-        halves += 1.0f;
-    }
-    while (x < (0.5f * ROOT_2)) {
-        x *= 2.0f;
-        halves -= 1.0f;
+    uint16_t k;
+    for (k = 0u; k < MOST_HALVES; k++) {
+        if (x > ROOT_2) {
+            x *= 0.5f;
+            halves += 1.0f;
+        } else if (x < (0.5f * ROOT_2)) {
+            x *= 2.0f;
+            halves -= 1.0f;
+        } else {
+            break;
+        }
     }
     z = (x - 1.0f) / (x + 1.0f);
     z2 = z * z;

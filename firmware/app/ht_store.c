@@ -109,8 +109,9 @@ static void take_values(const uint16_t *words, uint16_t first, ht_params *p)
 {
     uint16_t k;
     for (k = 0u; k < VALUES_A_BLOCK; k++) {
-        if ((first + k) < (uint16_t)HT_PARAMS) {
-            p->v[first + k] = ht_float_of(word32(&words[2u * k]));
+        uint16_t id = (uint16_t)(first + k);
+        if (id < (uint16_t)HT_PARAMS) {
+            p->v[id] = ht_float_of(word32(&words[2u * k]));
         }
     }
 }
