@@ -259,7 +259,8 @@ class Design:
         """The voltages of the source, those of the profile too, and that of a link that a rectifier
         charges without a load."""
         volts = [self.vdc_V, *(volts for _, volts in self.setup.profile.vdc_V)]
-        return [*volts, highest_source_V(self.setup)]
+        highest = highest_source_V(self.setup)
+        return volts if highest in volts else [*volts, highest]
 
     @property
     def period_s(self) -> float:
