@@ -30,7 +30,8 @@ class Emulated:
             sensors__encoder_ppr=PPR, **{f"sensors__{k}": v for k, v in sensors.items()}
         )
         layout = getattr(firmware.lib, f"ht_{device}")
-        chip = SimpleNamespace(map=layout, port=SimpleNamespace(eqep=layout.eqep))
+        board = SimpleNamespace(slow_channel=(6, 7))
+        chip = SimpleNamespace(map=layout, port=SimpleNamespace(eqep=layout.eqep, board=board))
         self._sensors = parts.sensors(setup, chip, 1e-4)
         self.regs = np.zeros(0x8000, np.uint16)
         self._base = EQEP[device]

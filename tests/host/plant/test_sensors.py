@@ -34,7 +34,8 @@ class Bench:
             **{f"sensors__{k}": v for k, v in sensors.items()},
         )  # fmt: skip
         layout = getattr(firmware.lib, f"ht_{device}")
-        chip = SimpleNamespace(map=layout, port=SimpleNamespace(eqep=layout.eqep))
+        board = SimpleNamespace(slow_channel=(6, 7))
+        chip = SimpleNamespace(map=layout, port=SimpleNamespace(eqep=layout.eqep, board=board))
         self.sensors = parts.sensors(setup, chip, 1e-4)
         results, self.shift, self.qposcnt = DEVICES[device]
         self.results = list(results)
