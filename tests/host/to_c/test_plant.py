@@ -53,6 +53,14 @@ PRECHARGE = LINE | {
 }
 DIRECT = {"inverter.line_Hz": 0.0, "inverter.source_H": 0.0}
 
+#: A chopper that the drive switches.
+OUTPUT = {
+    "inverter.chopper_ohm": 40.0,
+    "controller.chopper_on_V": 307.0,
+    "controller.chopper_off_V": 303.0,
+}
+THERMISTORS = {"sensors.winding_ntc_ohm": 10e3, "sensors.sink_ntc_ohm": 10e3}
+
 
 def chopper(on_V):
     """A braking chopper that is on at times, even while the drive does not brake."""
@@ -203,6 +211,9 @@ COURSES = {
             BEARS | LINK_H | {"inverter.link_F": 30e-6} | chopper(303.0),
             charged,
         ),
+        "link, chopper of the drive": ("paper-b", BEARS | LINK | OUTPUT, charged),
+        "thermistors": ("paper-b", THERMISTORS, run_and_stop),
+        "thermistors by turns": ("paper-a", THERMISTORS, run_and_stop),
         "rectifier": ("paper-b", BEARS | LINE, OPEN),
         "rectifier, gaps": ("paper-b", LINE | {"inverter.link_F": 20e-6}, run_and_stop),
         "precharge": ("paper-b", PRECHARGE, precharge_and_run),
