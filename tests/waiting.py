@@ -1,4 +1,4 @@
-"""Waiting for what comes, on however busy a computer."""
+"""Waiting for another process, on however busy a computer, or until a simulated drive runs."""
 
 import time
 from collections.abc import Callable
@@ -17,3 +17,11 @@ def until(condition: Callable[[], Found]) -> Found:
         assert time.monotonic() < end, f"not within {WAIT_S:g} s"
         time.sleep(0.01)
     return found
+
+
+def until_it_runs(sim) -> None:
+    """Start a simulated drive, and go on until it is in RUN."""
+    sim.start()
+    while sim.state in ("calibrate", "build"):
+        sim.run(0.05, record=False)
+    assert sim.state == "run", sim.faults

@@ -601,7 +601,7 @@ static void read_sensors(ht_drive *d, const ht_drive_config *c)
     }
 }
 
-/* What the sensors say of themselves. */
+/* Faults of thermistors that are open or shorted. */
 static uint32_t broken_sensors(const ht_drive *d)
 {
     uint32_t faults = 0u;

@@ -252,7 +252,7 @@ static bool vdc_fits(const ht_params *p, uint16_t misfit)
     return result;
 }
 
-/* What relay, brake and chopper demand. */
+/* The demands of relay, brake and chopper. */
 static bool outputs_fit(const float *v, uint16_t misfit)
 {
     bool result = true;
@@ -274,7 +274,7 @@ static bool outputs_fit(const float *v, uint16_t misfit)
     return result;
 }
 
-/* What a thermistor demands. */
+/* The demands of a thermistor. */
 static bool ntc_fits(const float *v, uint16_t ohm, uint16_t beta_K, float hot_degC)
 {
     ht_ntc_config c;

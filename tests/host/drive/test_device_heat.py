@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from waiting import until_it_runs
 
 from hexatorque import SimulatedDrive, firmware, load
 from hexatorque.errors import InputError
@@ -34,15 +35,8 @@ def drive(scheme="db-dtfc", **changes):
              "inverter.v_switch_V": DROP_V, "inverter.v_diode_V": DROP_V, **paths, **changes}
         ), 1,
     )  # fmt: skip
-    start(sim)
+    until_it_runs(sim)
     return sim
-
-
-def start(sim):
-    sim.start()
-    while sim.state in ("calibrate", "build"):
-        sim.run(0.05, record=False)
-    assert sim.state == "run", sim.faults
 
 
 def warm(sim):
@@ -118,7 +112,7 @@ def test_clear_and_start_keep_the_temperature_and_a_hot_stage_does_not_start():
     sim.clear()
     sim.run(2.0, record=False)
     assert 50 < heat.rise_K[3] < 60  # cooled by its time constant
-    start(sim)
+    until_it_runs(sim)
 
 
 def test_the_heat_sinks_thermistor_is_the_base_and_limits_without_a_model():
@@ -148,7 +142,7 @@ def test_a_stage_that_stays_cool_leaves_the_drives_bits(scheme):
     for stage in ({}, {"device_K_W": 0.1}):
         base = load(NAME).changed({"controller.scheme": scheme, "timing.latency": "predicted"})
         sim = SimulatedDrive(base.changed({f"controller.{k}": v for k, v in stage.items()}))
-        start(sim)
+        until_it_runs(sim)
         sim.set("speed_ref_rpm", 300)
         sim.run(0.6, record=False)
         states.append(sim.plant_state.copy())

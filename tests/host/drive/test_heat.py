@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from campaigns import part
 from same_bits import same_bits
+from waiting import until_it_runs
 
 from hexatorque import SimulatedDrive, firmware, load
 from hexatorque.firmware import FirmwareError
@@ -62,15 +63,8 @@ def drive(name, scheme, torque_Nm, **changes):
     heat = HEAT | {"winding_K_W": RISES_K[0] / loss_W, "frame_K_W": RISES_K[1] / loss_W}
     paths = {f"heat.{key}": value for key, value in heat.items()}
     sim = SimulatedDrive(base.changed(paths | changes), samples_per_period=1)
-    start(sim)
+    until_it_runs(sim)
     return sim
-
-
-def start(sim):
-    sim.start()
-    while sim.state in ("calibrate", "build"):
-        sim.run(0.05, record=False)
-    assert sim.state == "run", sim.faults
 
 
 def rated(name):
@@ -173,7 +167,7 @@ def test_after_a_reset_of_a_hot_machine_an_exact_resistance_tells_its_temperatur
         firmware.lib.ht_heat_reset(firmware.ffi.addressof(sim.controller.drive, "heat"))
         assert heat.rise_K[0] == heat.ohm_per_K == 0
         sim.bodies.winding_degC[:] = sim.bodies.frame_degC = 100.0
-        start(sim)
+        until_it_runs(sim)
         sim.run(0.05, record=False)
         off[tells] = abs(compared(sim))
     assert off["nothing"] > 60
@@ -260,7 +254,7 @@ def test_heat_is_kept_over_clear_stop_and_start_and_a_start_waits_until_it_has_c
     assert sim.snapshot["state"] == "calibrate", "the gates have not come on"
     sim.run(1.0, record=False)
     sim.clear()
-    start(sim)
+    until_it_runs(sim)
     before = sim.controller.channel("winding_degC")
     assert before > 35
     sim.stop()
@@ -357,7 +351,7 @@ def test_an_overload_trips_in_time_by_the_thermistor_alone():
 @pytest.mark.parametrize("kind", ("open", "short"))
 def test_a_thermistor_that_breaks_trips_by_its_name_within_the_debounce(place, kind):
     sim = SimulatedDrive(load("paper-a-feasible").changed(NTC), 1)
-    start(sim)
+    until_it_runs(sim)
     sim.set("speed_ref_rpm", 300)
     sim.run(0.3, record=False)
     sim.break_thermistor(place, kind)
@@ -375,7 +369,7 @@ def test_a_thermistor_that_breaks_trips_by_its_name_within_the_debounce(place, k
     sim.break_thermistor(place, "none")
     sim.run(0.1, record=False)
     sim.clear()
-    start(sim)
+    until_it_runs(sim)
 
 
 def test_after_a_reset_a_thermistor_tells_a_hot_machine_at_once():
@@ -393,7 +387,7 @@ def test_thermistors_of_a_cold_machine_leave_the_drives_bits(scheme):
             {"controller.scheme": scheme, "timing.latency": "predicted", **sensors}
         )
         sim = SimulatedDrive(base, 1)
-        start(sim)
+        until_it_runs(sim)
         sim.set("speed_ref_rpm", 300)
         sim.run(0.6, record=False)
         states.append(sim.plant_state.copy())

@@ -15,6 +15,17 @@ KEEP = -1
 NO_LOAD = record(load.LOAD, **{n: float(n == "eddy_rad_s") for n in load.LOAD.names})
 
 
+def machine_J(p, y):
+    """Field of an induction machine and motion of its shaft, from the definition of the
+    inductances."""
+    inverse = np.linalg.inv([[p.lls_H + p.lm_H, p.lm_H], [p.lm_H, p.llr_H + p.lm_H]])
+    field = 1.5 * (y[2] ** 2 + y[3] ** 2) / p.lxy_H
+    for axis in (0, 1):
+        flux = np.array([y[axis], y[4 + axis]])
+        field += 1.5 * flux @ inverse @ flux
+    return field + 0.5 * p.inertia_kgm2 * y[6] ** 2
+
+
 def _compile(source):
     """Numba's key of a kept function contains the variables of its closure, so `source`."""
 

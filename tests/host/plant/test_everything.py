@@ -3,7 +3,7 @@
 import itertools
 
 import numpy as np
-from plant_calls import KEEP, _advance
+from plant_calls import KEEP, _advance, machine_J
 
 from hexatorque import SimulatedDrive, load
 from hexatorque.plant.legs import LOW, OFF
@@ -20,16 +20,6 @@ EVERYTHING = {
     "heat.time_lapse": 20.0, "machine.iron_hysteresis_A_Wb": 0.5, "machine.iron_eddy_S": 1e-3,
     "load.holding_Nm": 3.0, "load.kind": "constant",
 }  # fmt: skip
-
-
-def stored_J(p, y):
-    """Field of the machine and motion of its shaft, from the definition of the inductances."""
-    inverse = np.linalg.inv([[p.lls_H + p.lm_H, p.lm_H], [p.lm_H, p.llr_H + p.lm_H]])
-    field = 1.5 * (y[2] ** 2 + y[3] ** 2) / p.lxy_H
-    for axis in (0, 1):
-        flux = np.array([y[axis], y[4 + axis]])
-        field += 1.5 * flux @ inverse @ flux
-    return field + 0.5 * p.inertia_kgm2 * y[6] ** 2
 
 
 def in_link_J(link):
@@ -118,7 +108,7 @@ def test_energy_closes_with_all_effects_at_the_same_time():
         states_of_legs.append(np.tile(legs, (pieces, 1)))
     rows, times = np.concatenate(rows), np.concatenate(times)
     states_of_legs = np.concatenate(states_of_legs)
-    x0, field0, link0 = inv.link.x.copy(), stored_J(sim.machine, y), in_link_J(inv.link)
+    x0, field0, link0 = inv.link.x.copy(), machine_J(sim.machine, y), in_link_J(inv.link)
     heat0, switching0 = float(shaft.brake.heat_J), inv.junctions.switching_J.sum()
     before = y.copy()
     states, _, _ = _advance(inv, m, shaft, y, 250.0, rows, times)
@@ -141,7 +131,7 @@ def test_energy_closes_with_all_effects_at_the_same_time():
     devices = integral(losses.devices_W)
     switching = inv.junctions.switching_J.sum() - switching0
     braked = float(shaft.brake.heat_J) - heat0
-    gained = stored_J(sim.machine, y) - field0
+    gained = machine_J(sim.machine, y) - field0
     assert min(lost, devices, switching, braked) > 0.1
     open_J = flows[DRIVE_J] - lost - devices - switching - braked - gained
     assert abs(open_J) < 1e-6 * (lost + devices + switching + braked + abs(gained))

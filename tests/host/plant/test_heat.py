@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plant_calls import machine_J
 from scipy.integrate import solve_ivp
 
 from hexatorque import SetupError, SimulatedDrive, load
@@ -61,25 +62,14 @@ def test_the_losses_are_what_the_legs_give_and_the_shaft_does_not_take(iron):
     sim.start()
     sim.run(0.5, record=False)
     sim.set("speed_ref_rpm", 500)
-    begin = sim.inverter.link.x[DRIVE_J], sim.bodies.heat_J, stored_J(sim)
+    begin = sim.inverter.link.x[DRIVE_J], sim.bodies.heat_J, machine_J(sim.machine, sim.plant_state)
     sim.run(1.0, record=False)
     assert sim.state == "run" and sim.bodies.winding_degC.min() > 42
     given = sim.inverter.link.x[DRIVE_J] - begin[0]
     heat = (sim.bodies.heat_J - begin[1]) / 50.0
-    kept = stored_J(sim) - begin[2]
+    kept = machine_J(sim.machine, sim.plant_state) - begin[2]
     assert heat > 0.2 * given
     assert abs(given - heat - kept) < 3e-4 * given
-
-
-def stored_J(sim):
-    """Field of the machine and motion of its shaft, from the definition of the inductances."""
-    p, y = sim.machine, sim.plant_state
-    inverse = np.linalg.inv([[p.lls_H + p.lm_H, p.lm_H], [p.lm_H, p.llr_H + p.lm_H]])
-    field = 1.5 * (y[2] ** 2 + y[3] ** 2) / p.lxy_H
-    for axis in (0, 1):
-        flux = np.array([y[axis], y[4 + axis]])
-        field += 1.5 * flux @ inverse @ flux
-    return field + 0.5 * p.inertia_kgm2 * y[6] ** 2
 
 
 def test_the_resistances_follow_and_what_is_recorded_changes_nothing():

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from plant_calls import KEEP, NO_LOAD, _advance, set_leg
+from plant_calls import machine_J
 from scipy.integrate import solve_ivp
 
 from hexatorque import SetupError, SimulatedDrive, load
@@ -129,18 +130,6 @@ def brake(**changes):
     return sim
 
 
-def stored_J(sim, y):
-    """Field of the machine and motion of its shaft, from the definition of the inductances."""
-    p = sim.machine
-    ab = np.array([[p.lls_H + p.lm_H, p.lm_H], [p.lm_H, p.llr_H + p.lm_H]])
-    field = 0.0
-    for axis in (0, 1):
-        flux = np.array([y[axis], y[4 + axis]])
-        field += 1.5 * flux @ np.linalg.solve(ab, flux)
-    field += 1.5 * (y[2] ** 2 + y[3] ** 2) / p.lxy_H
-    return field + 0.5 * p.inertia_kgm2 * y[6] ** 2
-
-
 def lost_W(sim, states):
     """Copper and friction at each of the states."""
     p = sim.machine
@@ -196,7 +185,7 @@ def test_energy_closes_from_source_to_shaft_over_a_run_that_brakes_and_loses_its
     )
     spent = flows[RESISTANCE_J] + flows[CHOPPER_J] + flows[DRIVE_J]
     assert abs(flows[SOURCE_J] - spent - link_J) < 1e-6 * throughput
-    machine_J = stored_J(sim, y) - stored_J(sim, before[1])
+    machine_J = machine_J(sim.machine, y) - machine_J(sim.machine, before[1])
     assert abs(flows[DRIVE_J] - lost - machine_J) < 1e-6 * (lost + abs(machine_J))
 
 
