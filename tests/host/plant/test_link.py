@@ -4,8 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from plant_calls import KEEP, NO_LOAD, _advance, set_leg
-from plant_calls import machine_J
+from plant_calls import KEEP, NO_LOAD, _advance, machine_J, set_leg
 from scipy.integrate import solve_ivp
 
 from hexatorque import SetupError, SimulatedDrive, load
@@ -185,8 +184,8 @@ def test_energy_closes_from_source_to_shaft_over_a_run_that_brakes_and_loses_its
     )
     spent = flows[RESISTANCE_J] + flows[CHOPPER_J] + flows[DRIVE_J]
     assert abs(flows[SOURCE_J] - spent - link_J) < 1e-6 * throughput
-    machine_J = machine_J(sim.machine, y) - machine_J(sim.machine, before[1])
-    assert abs(flows[DRIVE_J] - lost - machine_J) < 1e-6 * (lost + abs(machine_J))
+    gained_J = machine_J(sim.machine, y) - machine_J(sim.machine, before[1])
+    assert abs(flows[DRIVE_J] - lost - gained_J) < 1e-6 * (lost + abs(gained_J))
 
 
 def test_a_source_takes_no_energy_back():
