@@ -14,8 +14,9 @@
 #define FULL_PU2 0.1225f
 /* Share of its room that a pulse may move by, on either side of the middle. */
 #define ROOM_SHARE 0.45f
-/* Of the slope, what one leg in three goes. */
+/* Of the slope, what one leg in three goes. `pull` gives the slope over this factor. */
 #define SLOPE 6.0f
+#define PULL 0.75f
 /* What a position moves by in a half, at most: 0.025 at a carrier of 4 kHz. */
 #define CAP_HZ 100.0f
 #define CAP_MOST 0.06f
@@ -38,7 +39,7 @@ void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rh
     float rho2 = rho * rho;
     float cap = CAP_HZ * HT_CARRIER_PERIODS / f_isr_Hz;
     cfg->weight = weight;
-    cfg->scale = SLOPE / (1.0f + weight);
+    cfg->scale = PULL * SLOPE / (1.0f + weight);
     cfg->alike = COS_30 * (1.0f - rho2) / (1.0f + rho2);
     cfg->cap = (cap < CAP_MOST) ? cap : CAP_MOST;
     cfg->together_pu2 = (in_phase < TOGETHER_FROM) ? (HT_NEVER_PU * HT_NEVER_PU) : TOGETHER_PU2;
@@ -49,7 +50,7 @@ void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rh
 bool ht_interleaved_check(const ht_interleaved_config *cfg)
 {
     return (cfg->weight >= 0.0f) && (cfg->weight < 1.0e3f) && (cfg->scale > 0.0f)
-           && (cfg->scale <= SLOPE) && (fabsf(cfg->alike) <= 1.0f) && (cfg->cap > 0.0f)
+           && (cfg->scale <= PULL * SLOPE) && (fabsf(cfg->alike) <= 1.0f) && (cfg->cap > 0.0f)
            && (cfg->cap <= CAP_MOST) && (fabsf(cfg->early[0]) <= EARLY)
            && (fabsf(cfg->early[1]) <= EARLY) && (cfg->together_pu2 > 0.0f); /* NaN is not */
 }
@@ -60,7 +61,7 @@ void ht_interleaved_reset(ht_interleaved_state *st)
     unsigned k;
     for (a = 0u; a < 2u; a++) {
         for (k = 0u; k < 3u; k++) {
-            st->set[a].d[k] = 0.5f;
+            st->set[a].half_d[k] = 0.25f;
             st->set[a].delta[k] = 0.0f;
             st->set[a].next[k] = 0u;
         }
@@ -89,11 +90,19 @@ static HT_INTO_CALLERS void shares_of(unsigned a, float sense, ht_ab v, float sh
     float q = (sense * COS_30) * ((a == 0u) ? v.beta : v.alpha);
     float half = fabsf(q);
     float first = 1.5f * p;
-    float zero = 0.5f - 0.25f * (p + (fabsf(first - half) - fabsf(first + half)));
+    float less = fabsf(first - half);
+    float more = fabsf(first + half);
+    float zero = 0.5f - 0.25f * (p + (less - more));
     float middle = zero - 0.5f * p;
-    share[0] = ht_between(zero + p, 0.0f, 1.0f);
-    share[1] = ht_between(middle + q, 0.0f, 1.0f);
-    share[2] = ht_between(middle - q, 0.0f, 1.0f);
+    unsigned k;
+    share[0] = zero + p;
+    share[1] = middle + q;
+    share[2] = middle - q;
+    if (!(0.5f * (less + more) + half <= 1.0f)) { /* largest less smallest command; NaN is not */
+        for (k = 0u; k < 3u; k++) {
+            share[k] = ht_between(share[k], 0.0f, 1.0f);
+        }
+    }
 }
 
 /* Twice x where x is above 0, squared. */
@@ -103,14 +112,14 @@ static HT_INTO_CALLERS float above2(float x)
     return twice * twice;
 }
 
-/* By what a pulse of the duty ratio d wants to be later than one of e, whose middle is `ahead` of its own,
- * or behind where `ahead` is negative, at most half a carrier's period. Then this is odd. */
+/* By what a pulse wants to be later than another one, whose middle is `ahead` of its own, or behind where
+ * `ahead` is negative, at most half a carrier's period; over PULL. d, e: half of their duty ratios. Then this
+ * is odd. */
 static HT_INTO_CALLERS float pull(float d, float e, float ahead)
 {
-    float differ = 0.5f * fabsf(d - e);
-    float mean = 0.5f * (d + e);
-    return 0.75f * (above2(mean - ahead) - above2(differ - ahead) - above2(mean - 1.0f + ahead))
-           + (6.0f * ahead - 3.0f) * (d * e);
+    float mean = d + e;
+    return above2(mean - ahead) - above2(fabsf(d - e) - ahead) - above2(mean - 1.0f + ahead)
+           + (ahead - 0.5f) * (32.0f * d * e);
 }
 
 /* The same where it is not known which is ahead. */
@@ -143,7 +152,7 @@ static HT_INTO_CALLERS float slope(const ht_interleaved_config *cfg, const ht_in
     float ours[3];
     float theirs[3];
     float torque;
-    float d = own->d[k];
+    float d = own->half_d[k];
     float delta = own->delta[k];
     unsigned m = after[k];
     unsigned n = after[m];
@@ -152,14 +161,14 @@ static HT_INTO_CALLERS float slope(const ht_interleaved_config *cfg, const ht_in
     parts(1u - a, quad, theirs);
     torque = cfg->weight * ours[k];
     sum = (torque * theirs[k])
-          * pull(d, other->d[k], CARRIER_2 + ahead * (other->delta[k] - delta));
+          * pull(d, other->half_d[k], CARRIER_2 + ahead * (other->delta[k] - delta));
     sum += (alike + torque * theirs[m])
-           * pull(d, other->d[m], CARRIER_2 + ahead * (other->delta[m] - delta));
+           * pull(d, other->half_d[m], CARRIER_2 + ahead * (other->delta[m] - delta));
     sum += (torque * theirs[n] - alike)
-           * pull(d, other->d[n], CARRIER_2 + ahead * (other->delta[n] - delta));
+           * pull(d, other->half_d[n], CARRIER_2 + ahead * (other->delta[n] - delta));
     sum *= ahead;
-    sum += (torque * ours[m] - 0.5f) * pull_either(d, own->d[m], own->delta[m] - delta);
-    sum += (torque * ours[n] - 0.5f) * pull_either(d, own->d[n], own->delta[n] - delta);
+    sum += (torque * ours[m] - 0.5f) * pull_either(d, own->half_d[m], own->delta[m] - delta);
+    sum += (torque * ours[n] - 0.5f) * pull_either(d, own->half_d[n], own->delta[n] - delta);
     return cfg->scale * sum;
 }
 
@@ -197,6 +206,8 @@ static HT_INTO_CALLERS void toggles_at(making *m, unsigned leg, uint16_t count, 
 /* The common part of a set's legs in a half. */
 typedef struct {
     const ht_interleaved_config *cfg;
+    bool rising;
+    bool partly;      /* `act` is below 1 */
     float sense;      /* 1 falling, -1 rising */
     float act;        /* share with which positions are optimised */
     float centre;     /* where a pulse lies else, times the rest */
@@ -208,13 +219,17 @@ typedef struct {
     uint16_t shortest;
 } half_of;
 
-/* Where a pulse goes: to where it is better, within what its room and the voltage allow. */
+/* Where a pulse goes: to where it is better, within what its room and the voltage allow. `better` is within
+ * the cap of `was`, so without the voltage's share its room is all that limits it. */
 static HT_INTO_CALLERS float placed(const half_of *h, float share, float was, float better)
 {
     float left = ROOM_SHARE * (0.5f - fabsf(share - 0.5f)) - 0.25f * h->dead;
     float room = 0.5f * (left + fabsf(left));
-    float to = within(better, h->centre, h->act * room);
-    return within(within(to, was, h->cfg->cap), 0.0f, room);
+    float to = better;
+    if (h->partly) {
+        to = within(within(better, h->centre, h->act * room), was, h->cfg->cap);
+    }
+    return within(to, 0.0f, room);
 }
 
 /* Counts from the half's begin at which a leg toggles, the shortest pulse away from both periods' ends. 0:
@@ -240,13 +255,15 @@ static HT_INTO_CALLERS uint32_t edge_counts(const half_of *h, float share, float
 
 /* A leg begins its half. Returns its part of what the flux will be off. */
 static HT_INTO_CALLERS float begin_leg(const half_of *h, ht_interleaved_set *set, unsigned k,
-                                       unsigned leg, float share, float better, float i_A,
-                                       making *m, ht_compare *out, ht_toggles *toggles)
+                                       unsigned leg, const float shares[3], const float better[3],
+                                       const float i_A[], making *m, ht_compare *out,
+                                       ht_toggles *toggles)
 {
-    bool rising = h->sense < 0.0f;
+    bool rising = h->rising;
+    float share = shares[k];
     float was = set->delta[k];
-    float delta = placed(h, share, was, better);
-    float x = h->dead_per_A * i_A;
+    float delta = placed(h, share, was, better[k]);
+    float x = h->dead_per_A * i_A[leg];
     float shift = fabsf(x + h->dead_half2) - fabsf(x - h->dead_half2);
     float moved = share * (delta - was) + was;
     float at = HT_HALF_PERIODS * share + HT_CARRIER_PERIODS * moved + h->sense * shift
@@ -288,13 +305,15 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     bool turned = (a == 1u) && st->opposite;
     bool rises = st->quarter < 2u;
     h.cfg = cfg;
-    h.sense = (rises != turned) ? -1.0f : 1.0f;
+    h.rising = rises != turned;
+    h.sense = h.rising ? -1.0f : 1.0f;
     h.act = 0.0f;
     h.centre = 0.0f;
     if (!st->together) {
         h.act = ht_between((size2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f, 1.0f);
         h.centre = (1.0f - h.act) * cfg->early[a];
     }
+    h.partly = h.act < 1.0f;
     if (a == 0u) {
         st->steady_pu = command->steady_pu;
     }
@@ -306,7 +325,7 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     h.dead_per_A = h.dead_half2 / in->dead->i_zero_A;
     shares_of(a, h.sense, command->v_pu, share);
     for (k = 0u; k < 3u; k++) {
-        set->d[k] = 0.5f + h.sense * (share[k] - 0.5f);
+        set->half_d[k] = 0.25f + (0.5f * h.sense) * (share[k] - 0.5f);
         better[k] = set->delta[k];
     }
     set->moves = 0u;
@@ -314,10 +333,9 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
         k = st->turn;
         better[k] += ht_limited(slope(cfg, st, a, k, command->quad), cfg->cap);
     }
-    for (k = 0u; k < 3u; k++) {
-        unsigned leg = leg_of[a][k];
-        part[k] = begin_leg(&h, set, k, leg, share[k], better[k], i_A[leg], m, out, toggles);
-    }
+    part[0] = begin_leg(&h, set, 0u, leg_of[a][0], share, better, i_A, m, out, toggles);
+    part[1] = begin_leg(&h, set, 1u, leg_of[a][1], share, better, i_A, m, out, toggles);
+    part[2] = begin_leg(&h, set, 2u, leg_of[a][2], share, better, i_A, m, out, toggles);
     p = (h.sense * TWO_THIRDS * HT_CARRIER_PERIODS) * (part[0] - 0.5f * (part[1] + part[2]));
     q = (h.sense * TWO_THIRDS * HT_CARRIER_PERIODS * COS_30) * (part[1] - part[2]);
     off.alpha = (a == 0u) ? p : q;
