@@ -33,6 +33,8 @@
 
 /* Legs of a set. The first lies at 0 or 270 degrees, the others 120 and 240 behind. */
 static const uint16_t leg_of[2][3] = {{0u, 2u, 4u}, {5u, 1u, 3u}};
+static const uint16_t legs_of[2] = {0x2au, 0x15u}; /* as state words */
+
 void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
                               float in_phase)
 {
@@ -87,7 +89,7 @@ static HT_INTO_CALLERS float within(float value, float centre, float half)
 static HT_INTO_CALLERS void shares_of(unsigned a, float sense, ht_ab v, float share[3])
 {
     float p = sense * ((a == 0u) ? v.alpha : -v.beta);
-    float q = (sense * COS_30) * ((a == 0u) ? v.beta : v.alpha);
+    float q = sense * (COS_30 * ((a == 0u) ? v.beta : v.alpha));
     float half = fabsf(q);
     float first = 1.5f * p;
     float less = fabsf(first - half);
@@ -182,105 +184,101 @@ typedef struct {
     uint16_t end;
 } making;
 
-static HT_INTO_CALLERS void stays(making *m, unsigned leg, bool high, ht_compare *out,
-                                  ht_toggles *toggles)
-{
-    m->high |= high ? (HT_LEG_U1 >> leg) : 0u;
-    m->share.p[leg] = high ? 1.0f : 0.0f;
-    out->ca[leg] = m->end;
-    toggles->t[leg] = 1.0f;
-}
-
-static HT_INTO_CALLERS void toggles_at(making *m, unsigned leg, uint16_t count, bool rising,
-                                       ht_compare *out, ht_toggles *toggles)
-{
-    unsigned bit = HT_LEG_U1 >> leg;
-    float t = (float)count * m->per_count;
-    m->moves |= bit;
-    m->rises |= rising ? bit : 0u;
-    m->share.p[leg] = rising ? (1.0f - t) : t;
-    out->ca[leg] = count;
-    toggles->t[leg] = t;
-}
-
-/* The common part of a set's legs in a half. */
+/* The common part of a set's legs in a half, in which dead time counts as a share of it. */
 typedef struct {
     const ht_interleaved_config *cfg;
-    bool rising;
-    bool partly;      /* `act` is below 1 */
-    float sense;      /* 1 falling, -1 rising */
-    float act;        /* share with which positions are optimised */
-    float centre;     /* where a pulse lies else, times the rest */
-    float full;       /* counts of a period */
-    float dead;       /* dead time in periods */
-    float dead_half2; /* a quarter of it ... */
-    float dead_per_A; /* ... and the same over the current from which it acts fully */
-    uint16_t end;
-    uint16_t shortest;
+    float sense;        /* 1 falling, -1 rising */
+    float at_0;         /* 1 rising, else 0 */
+    float doubt;        /* 0 where positions count in full, else 1 */
+    float act;          /* share with which positions are optimised */
+    float centre;       /* where a pulse lies else, times the rest */
+    float room;         /* either side of the middle for a pulse of half a carrier's period */
+    float full;         /* counts of the half */
+    float dead_half;    /* half of the dead time */
+    float dead_quarter; /* a quarter of it ... */
+    float dead_per_A;   /* ... and the same over the current from which it acts fully, to be added */
+    uint32_t end;       /* counts of a period */
+    uint32_t shortest;
+    unsigned now;   /* legs that toggle in the first period ... */
+    unsigned later; /* ... in the second one */
+    unsigned after; /* legs that are on the half's second level all along the first period */
 } half_of;
 
 /* Where a pulse goes: to where it is better, within what its room and the voltage allow. `better` is within
- * the cap of `was`, so without the voltage's share its room is all that limits it. */
+ * the cap of `was`, so where positions count in full the room is all that limits it. */
 static HT_INTO_CALLERS float placed(const half_of *h, float share, float was, float better)
 {
-    float left = ROOM_SHARE * (0.5f - fabsf(share - 0.5f)) - 0.25f * h->dead;
-    float room = 0.5f * (left + fabsf(left));
+    float room = h->room - ROOM_SHARE * fabsf(share - 0.5f);
     float to = better;
-    if (h->partly) {
-        to = within(within(better, h->centre, h->act * room), was, h->cfg->cap);
+    if (!(fabsf(to) <= (room - h->doubt))) { /* NaN is not */
+        room = 0.5f * (room + fabsf(room));
+        if (h->doubt > 0.0f) {
+            to = within(within(to, h->centre, h->act * room), was, h->cfg->cap);
+        }
+        to = within(to, 0.0f, room);
     }
-    return within(to, 0.0f, room);
+    return to;
 }
 
-/* Counts from the half's begin at which a leg toggles, the shortest pulse away from both periods' ends. 0:
- * it is on its rail before that already, also for NaN; `2 end`: it stays where it starts. */
+/* Counts from a period's begin, the shortest pulse away from its ends. */
+static HT_INTO_CALLERS uint32_t away_from_ends(const half_of *h, uint32_t count)
+{
+    uint32_t most = h->end - h->shortest;
+    return (count < h->shortest) ? h->shortest : ((count > most) ? most : count);
+}
+
+/* Counts from the half's begin at which a leg toggles, the shortest pulse away from both periods' ends, `at`
+ * is a share of the half. 0: it is on its rail before that already, also for NaN; `2 end`: it stays where it
+ * starts. */
 static HT_INTO_CALLERS uint32_t edge_counts(const half_of *h, float share, float at)
 {
     uint32_t end = h->end;
-    uint32_t shortest = h->shortest;
-    float counts = ht_between(at, 0.0f, HT_HALF_PERIODS) * h->full + 0.5f;
+    float counts = ht_between(at, 0.0f, 1.0f) * h->full + 0.5f;
     uint32_t count = (uint32_t)counts;
     if (count < end) {
-        if (count < shortest) {
-            return (2u * count < shortest) ? 0u : shortest;
-        }
-        return (count > (end - shortest)) ? (end - shortest) : count;
+        return ((2u * count) < h->shortest) ? 0u : away_from_ends(h, count);
     }
-    if (count > (2u * end - shortest)) {
-        return ((share >= 1.0f) || (2u * count > (4u * end - shortest))) ? (2u * end)
-                                                                         : (2u * end - shortest);
+    if ((count > (2u * end - h->shortest))
+        && ((share >= 1.0f) || (2u * count > (4u * end - h->shortest)))) {
+        return 2u * end;
     }
-    return (count < (end + shortest)) ? (end + shortest) : count;
+    return end + away_from_ends(h, count - end);
 }
 
 /* A leg begins its half. Returns its part of what the flux will be off. */
-static HT_INTO_CALLERS float begin_leg(const half_of *h, ht_interleaved_set *set, unsigned k,
+static HT_INTO_CALLERS float begin_leg(half_of *h, ht_interleaved_set *set, unsigned k,
                                        unsigned leg, const float shares[3], const float better[3],
                                        const float i_A[], making *m, ht_compare *out,
                                        ht_toggles *toggles)
 {
-    bool rising = h->rising;
+    unsigned bit = HT_LEG_U1 >> leg;
     float share = shares[k];
     float was = set->delta[k];
     float delta = placed(h, share, was, better[k]);
     float x = h->dead_per_A * i_A[leg];
-    float shift = fabsf(x + h->dead_half2) - fabsf(x - h->dead_half2);
+    float shift = fabsf(x + h->dead_quarter) - fabsf(x - h->dead_quarter);
     float moved = share * (delta - was) + was;
-    float at = HT_HALF_PERIODS * share + HT_CARRIER_PERIODS * moved + h->sense * shift
-               - 0.5f * h->dead;
+    float at = share + (HT_CARRIER_PERIODS / HT_HALF_PERIODS) * moved + shift - h->dead_half;
     uint32_t count = edge_counts(h, share, at);
+    float first = 1.0f; /* share of the period before the edge */
+    out->ca[leg] = m->end;
+    toggles->t[leg] = 1.0f;
     set->delta[k] = delta;
     if (count == 0u) {
-        stays(m, leg, rising, out, toggles);
+        h->after |= bit;
+        first = 0.0f;
     } else if (count < h->end) {
-        toggles_at(m, leg, (uint16_t)count, rising, out, toggles);
+        h->now |= bit;
+        first = (float)count * m->per_count;
+        out->ca[leg] = (uint16_t)count;
+        toggles->t[leg] = first;
+    } else if (count < (2u * h->end)) {
+        set->next[k] = (uint16_t)(count - h->end);
+        h->later |= bit;
     } else {
-        if (count < (2u * (uint32_t)h->end)) {
-            set->next[k] = (uint16_t)(count - h->end);
-            set->moves |= HT_LEG_U1 >> leg;
-        }
-        stays(m, leg, !rising, out, toggles);
+        /* stays as long as the half lasts */
     }
+    m->share.p[leg] = h->at_0 + h->sense * first;
     return share * delta;
 }
 
@@ -303,32 +301,37 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     float size2 = command->steady_pu.alpha * command->steady_pu.alpha
                   + command->steady_pu.beta * command->steady_pu.beta;
     bool turned = (a == 1u) && st->opposite;
-    bool rises = st->quarter < 2u;
+    bool rising = (st->quarter < 2u) != turned;
+    float sense = rising ? -1.0f : 1.0f;
     h.cfg = cfg;
-    h.rising = rises != turned;
-    h.sense = h.rising ? -1.0f : 1.0f;
+    h.sense = sense;
+    h.at_0 = rising ? 1.0f : 0.0f;
     h.act = 0.0f;
     h.centre = 0.0f;
     if (!st->together) {
         h.act = ht_between((size2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f, 1.0f);
         h.centre = (1.0f - h.act) * cfg->early[a];
     }
-    h.partly = h.act < 1.0f;
+    h.doubt = (h.act < 1.0f) ? 1.0f : 0.0f;
     if (a == 0u) {
         st->steady_pu = command->steady_pu;
     }
     h.end = in->period->counts;
     h.shortest = in->period->shortest;
-    h.full = (float)h.end;
-    h.dead = in->dead->dead_pu;
-    h.dead_half2 = 0.25f * h.dead;
-    h.dead_per_A = h.dead_half2 / in->dead->i_zero_A;
-    shares_of(a, h.sense, command->v_pu, share);
+    h.full = HT_HALF_PERIODS * (float)h.end;
+    h.dead_half = (0.5f / HT_HALF_PERIODS) * in->dead->dead_pu;
+    h.dead_quarter = 0.5f * h.dead_half;
+    h.dead_per_A = sense * h.dead_quarter / in->dead->i_zero_A;
+    h.room = 0.5f * ROOM_SHARE - h.dead_half;
+    h.now = 0u;
+    h.later = 0u;
+    h.after = 0u;
+    shares_of(a, sense, command->v_pu, share);
     for (k = 0u; k < 3u; k++) {
-        set->half_d[k] = 0.25f + (0.5f * h.sense) * (share[k] - 0.5f);
+        float half = 0.5f * share[k];
+        set->half_d[k] = rising ? (0.5f - half) : half;
         better[k] = set->delta[k];
     }
-    set->moves = 0u;
     if (h.act > 0.0f) {
         k = st->turn;
         better[k] += ht_limited(slope(cfg, st, a, k, command->quad), cfg->cap);
@@ -336,8 +339,16 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     part[0] = begin_leg(&h, set, 0u, leg_of[a][0], share, better, i_A, m, out, toggles);
     part[1] = begin_leg(&h, set, 1u, leg_of[a][1], share, better, i_A, m, out, toggles);
     part[2] = begin_leg(&h, set, 2u, leg_of[a][2], share, better, i_A, m, out, toggles);
-    p = (h.sense * TWO_THIRDS * HT_CARRIER_PERIODS) * (part[0] - 0.5f * (part[1] + part[2]));
-    q = (h.sense * TWO_THIRDS * HT_CARRIER_PERIODS * COS_30) * (part[1] - part[2]);
+    set->moves = h.later;
+    m->moves |= h.now;
+    if (rising) {
+        m->rises |= h.now;
+        m->high |= h.after;
+    } else {
+        m->high |= legs_of[a] & ~(h.now | h.after);
+    }
+    p = sense * ((TWO_THIRDS * HT_CARRIER_PERIODS) * (part[0] - 0.5f * (part[1] + part[2])));
+    q = sense * ((TWO_THIRDS * HT_CARRIER_PERIODS * COS_30) * (part[1] - part[2]));
     off.alpha = (a == 0u) ? p : q;
     off.beta = (a == 0u) ? q : -p;
     return off;
@@ -365,16 +376,24 @@ static HT_INTO_CALLERS void go_on(ht_interleaved_state *st, unsigned b, unsigned
                                   ht_compare *out, ht_toggles *toggles)
 {
     ht_interleaved_set *set = &st->set[b];
+    unsigned moves = set->moves;
     unsigned k;
     for (k = 0u; k < 3u; k++) {
         unsigned leg = leg_of[b][k];
         unsigned bit = HT_LEG_U1 >> leg;
-        if ((set->moves & bit) != 0u) {
-            toggles_at(m, leg, set->next[k], (before & bit) == 0u, out, toggles);
-        } else {
-            stays(m, leg, (before & bit) != 0u, out, toggles);
+        float first = 1.0f;
+        out->ca[leg] = m->end;
+        toggles->t[leg] = 1.0f;
+        if ((moves & bit) != 0u) {
+            first = (float)set->next[k] * m->per_count;
+            out->ca[leg] = set->next[k];
+            toggles->t[leg] = first;
         }
+        m->share.p[leg] = ((before & bit) != 0u) ? first : (1.0f - first);
     }
+    m->moves |= moves;
+    m->rises |= moves & ~before;
+    m->high |= legs_of[b] & before & ~moves;
     set->moves = 0u;
 }
 
