@@ -250,8 +250,7 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     }
     follow(cfg, st, r, i);
     if (r2 != 0.0f) {
-        float estimated =
-            cfg->rpm_per_rad_s * (flux_rad_s(cfg, st, c, inv_flux_ref2) - slip / r2);
+        float estimated = cfg->rpm_per_rad_s * (flux_rad_s(cfg, st, c, inv_flux_ref2) - slip / r2);
         off = speed_rpm - estimated + cfg->estimate_back * (estimated - st->estimated_rpm);
         st->estimated_rpm = estimated;
         st->speed_error_rpm += cfg->encoder_gain * (off - st->speed_error_rpm);

@@ -51,9 +51,9 @@ typedef struct {
     float rotor_now_Wb;      /**< the rotor flux itself */
     ht_ab i_A;               /**< low pass of the current along and across the rotor flux */
     float estimated_rpm;     /**< of the slow interrupt before */
-    float flux_short;        /**< 1 less the low pass of the flux's length over its reference, squared */
-    float speed_error_rpm;   /**< mean of measured minus estimated speed */
-    float counts_quick;      /**< with magnets: means of the encoder's counts in a period */
+    float flux_short; /**< 1 less the low pass of the flux's length over its reference, squared */
+    float speed_error_rpm; /**< mean of measured minus estimated speed */
+    float counts_quick;    /**< with magnets: means of the encoder's counts in a period */
     float counts_slow;
 } ht_protect_state;
 

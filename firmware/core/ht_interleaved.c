@@ -196,8 +196,8 @@ typedef struct {
     float full;         /* counts of the half */
     float dead_half;    /* half of the dead time */
     float dead_quarter; /* a quarter of it ... */
-    float dead_per_A;   /* ... and the same over the current from which it acts fully, to be added */
-    uint32_t end;       /* counts of a period */
+    float dead_per_A; /* ... and the same over the current from which it acts fully, to be added */
+    uint32_t end;     /* counts of a period */
     uint32_t shortest;
     unsigned now;   /* legs that toggle in the first period ... */
     unsigned later; /* ... in the second one */
