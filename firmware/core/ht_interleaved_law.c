@@ -152,8 +152,7 @@ ht_xy ht_interleaved_law_pattern(const ht_interleaved_law_config *cfg,
                                             !st->begun, pwm, out, applied, toggles);
         st->begun = true;
     } else {
-        ht_voltage_law_input seldom = *in; /* a copy here leaves the original in registers */
-        both_of(cfg, machine, st, &seldom, pwm, begins != 0u, out, applied, toggles);
+        both_of(cfg, machine, st, in, pwm, begins != 0u, out, applied, toggles);
     }
     v.x = 0.5f * (st->v_pu[0].alpha - st->v_pu[1].alpha);
     v.y = 0.5f * (st->v_pu[1].beta - st->v_pu[0].beta);

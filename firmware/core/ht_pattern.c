@@ -252,16 +252,6 @@ static float next_edge(const ht_applied *a, const ht_toggles *toggles, int from,
     return 1.0f;
 }
 
-/* By how much an edge at `t` is late. */
-static float late_pu(const ht_dead_time *dead, bool rising, float t, float i_begin, float i_end)
-{
-    float i = i_begin + t * (i_end - i_begin);
-    float outward = 0.5f + 0.5f * i / dead->i_zero_A; /* 1: current flows out of the leg */
-    outward = (outward > 0.0f) ? outward : 0.0f;
-    outward = (outward < 1.0f) ? outward : 1.0f;
-    return dead->dead_pu * (rising ? outward : (1.0f - outward));
-}
-
 /* What late edges take from the time that a leg is high. What of the last delay is
  * left at the period's end goes to `over`. */
 static float lost_pu(const ht_applied *a, const ht_toggles *toggles, const ht_dead_time *dead,
@@ -271,24 +261,18 @@ static float lost_pu(const ht_applied *a, const ht_toggles *toggles, const ht_de
     float lost = 0.0f;
     uint16_t level = (uint16_t)(a->before & bit);
     int e;
-    if ((a->own != 0u) && (((a->before ^ a->s[0]) & bit) == 0u)) {
-        /* The leg's own toggle is its only edge. */
-        float t = toggles[a->own - 1u].t[leg];
-        float room = 1.0f - t;
-        float late = late_pu(dead, level == 0u, t, i_begin, i_end);
-        if (late > room) {
-            *over = late - room;
-            late = room;
-        }
-        return (level == 0u) ? late : -late;
-    }
     for (e = 0; e < 3; e++) {
         uint16_t then = (uint16_t)(a->s[e] & bit);
         if (then != level) {
             float t = instant(a, toggles, e, leg);
+            float i = i_begin + t * (i_end - i_begin);
+            float outward = 0.5f + 0.5f * i / dead->i_zero_A; /* 1: current flows out of the leg */
             float next = next_edge(a, toggles, e + 1, leg);
             float room = next - t;
-            float late = late_pu(dead, then != 0u, t, i_begin, i_end);
+            float late;
+            outward = (outward > 0.0f) ? outward : 0.0f;
+            outward = (outward < 1.0f) ? outward : 1.0f;
+            late = dead->dead_pu * ((then != 0u) ? outward : (1.0f - outward));
             if (late > room) {
                 if (!(next < 1.0f)) {
                     *over = late - room;
