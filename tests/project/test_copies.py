@@ -17,7 +17,6 @@ NOT_OURS = ("ht_tables.c", "vendor")
 #: Why both stay -> the two files, or one that has both places.
 REASONS = {
     "a switch that is made from the rows of the laws, for each of their functions": {
-        ("firmware/core/ht_control.c", "firmware/core/ht_control.c"),
         ("firmware/core/ht_control.c", "firmware/core/ht_control_configure.c"),
         ("firmware/core/ht_control_configure.c", "firmware/core/ht_control_configure.c"),
     },

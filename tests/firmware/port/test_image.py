@@ -595,8 +595,8 @@ CLOCK_FAULTS = {
         "HT_FAULT_CLOCK);\n    ht_watchdog_first(&ht_image_port);",
         "HT_FAULT_CLOCK);", "never", "no resets for ever"),
     "fault that can be cleared": (
-        F28335, "ht_drive_commands.c", "(d->faults & (uint32_t)HT_FAULT_CLOCK) != 0u", "d->faults > 0xFFFEu",
-        "wrong", "clear is refused"),
+        F28335, "ht_drive_commands.c", "(d->faults & (uint32_t)HT_FAULT_CLOCK) != 0u",
+        "d->faults > 0xFFFEu", "wrong", "clear is refused"),
     "line at the usual rate": (
         F28377S, "ht_port_c2000.c", "ht_sci_start(port, EMERGENCY_BAUD)",
         "ht_sci_start(port, 9600u)", "wrong", "line runs at 115200 baud"),
