@@ -247,13 +247,15 @@ static HT_INTO_CALLERS uint32_t edge_counts(const half_of *h, float share, float
 
 /* A leg begins its half. Returns its part of what the flux will be off. */
 static HT_INTO_CALLERS float begin_leg(half_of *h, ht_interleaved_set *set, unsigned k,
-                                       unsigned leg, float share, float better, float i_A,
-                                       making *m, ht_compare *out, ht_toggles *toggles)
+                                       unsigned leg, const float shares[3], const float better[3],
+                                       const float i_A[], making *m, ht_compare *out,
+                                       ht_toggles *toggles)
 {
     unsigned bit = HT_LEG_U1 >> leg;
+    float share = shares[k];
     float was = set->delta[k];
-    float delta = placed(h, share, was, better);
-    float x = h->dead_per_A * i_A;
+    float delta = placed(h, share, was, better[k]);
+    float x = h->dead_per_A * i_A[leg];
     float shift = fabsf(x + h->dead_quarter) - fabsf(x - h->dead_quarter);
     float moved = share * (delta - was) + was;
     float at = share + (HT_CARRIER_PERIODS / HT_HALF_PERIODS) * moved + shift - h->dead_half;
@@ -334,10 +336,10 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
         k = st->turn;
         better[k] += ht_limited(slope(cfg, st, a, k, command->quad), cfg->cap);
     }
-    for (k = 0u; k < 3u; k++) {
-        unsigned leg = leg_of[a][k];
-        part[k] = begin_leg(&h, set, k, leg, share[k], better[k], i_A[leg], m, out, toggles);
-    }
+    /* One by one: what depends on the leg are constants then. */
+    part[0] = begin_leg(&h, set, 0u, leg_of[a][0], share, better, i_A, m, out, toggles);
+    part[1] = begin_leg(&h, set, 1u, leg_of[a][1], share, better, i_A, m, out, toggles);
+    part[2] = begin_leg(&h, set, 2u, leg_of[a][2], share, better, i_A, m, out, toggles);
     set->moves = h.later;
     m->moves |= h.now;
     if (rising) {
