@@ -379,9 +379,9 @@ def test_shaft_speed_of_every_steady_state(machine, shaft_rpm):
 def mean_errors(length_at, f_slow_Hz, shaft_rpm, told_rpm, by_length, seconds=0.4):
     """The mean error of the speed after each look, without slip. `length_at`: of the flux over its
     reference. The observer's speed is the low pass of 5 ms, at 10 kHz, of the flux's speed times the
-    length squared. by_length: whether the check knows the length."""
+    length squared. by_length: whether the check is told the length, or that of the reference."""
     machine, ts_s, lag_s = MACHINES[1], 1e-4, 0.005
-    gain = min(1.0, 1 / (0.5 + lag_s * f_slow_Hz)) if by_length else 0.0
+    gain = min(1.0, 1 / (0.5 + lag_s * f_slow_Hz))
     cfg = config(machine, short_gain=gain, encoder_gain=1 / (1 + 0.05 * f_slow_Hz))
     state, true = fresh(), shaft_rpm * np.pi / 30 * machine[0]
     every, told, found = round(1 / (ts_s * f_slow_Hz)), true * length_at(0.0) ** 2, []
@@ -389,7 +389,8 @@ def mean_errors(length_at, f_slow_Hz, shaft_rpm, told_rpm, by_length, seconds=0.
         length = length_at(n * ts_s)
         told += ts_s / lag_s * (true * length**2 - told)
         if n % every == every - 1:
-            slow(cfg, state, seen(0.4 * length + 0j, 0j, told), told_rpm, 1 / 0.4**2)
+            shown_Wb = 0.4 * (length if by_length else 1.0)
+            slow(cfg, state, seen(shown_Wb + 0j, 0j, told), told_rpm, 1 / 0.4**2)
             found.append(state.speed_error_rpm)
     return np.array(found)
 
