@@ -122,6 +122,28 @@ def test_the_mean_torque_of_the_tables_charges_the_capacitor_no_further(scheme):
     assert highest_V < setup["controller.vdc_high_V"] + setup["controller.vdc_band_V"]
 
 
+@pytest.mark.parametrize(
+    "case",
+    (
+        Case("small-2kw", "fdr", 3.0, 0.0, "weakening"),
+        Case("small-2kw", "ddr", 3.0, 0.0, "weakening"),
+        Case("large-110kw", "ddr", 1.0, 0.0, "brake"),
+    ),
+    ids=lambda case: "-".join(map(str, case)),
+)
+def test_a_torque_that_ends_at_0_above_the_upper_level_trips(case, monkeypatch):
+    """What the push is for. Without a gain there is no room for it."""
+    honest = SimulatedDrive.set
+
+    def without_push(self, *given):
+        honest(self, *given)
+        self.run(3 * self.period_s, record=False)  # until the configuration is in force
+        self.controller.drive.config.vdc.kp_Nms_rad = 0.0
+
+    monkeypatch.setattr(SimulatedDrive, "set", without_push)
+    assert driven(case)[0].faults == ["dc-link voltage too high"]
+
+
 @functools.cache
 def _is_ready(name, scheme):
     setup = load(name).changed(controller__scheme=scheme)
