@@ -182,7 +182,7 @@ bench-peers: $(VENV)/.installed
 
 # Missing tools are installed first. The first build takes ten minutes: zig compiles each system's C
 # library.
-dist-tools = $(BIN)/python -c 'import twine, ziglang' 2>/dev/null || \
+dist-tools = $(BIN)/python -c 'import rattler_build, twine, ziglang' 2>/dev/null || \
   HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}dist tools/setup.sh $(VENV)
 dist: $(VENV)/.installed
 	@$(dist-tools)
