@@ -51,7 +51,9 @@ def run(*words: str | Path, **more: Any) -> None:
 
 
 def zig(name: str, *words: str | Path) -> None:
-    run(sys.executable, "-m", "ziglang", "cc", "-target", SYSTEMS[name][0], *words)
+    """In a folder below the tree: above zig's own files their paths are other ones, and zig
+    compiles the C library again."""
+    run(sys.executable, "-m", "ziglang", "cc", "-target", SYSTEMS[name][0], *words, cwd=WORK)
 
 
 def compiled(name: str, source: Path, folder: Path) -> bytes:
@@ -64,7 +66,6 @@ def compiled(name: str, source: Path, folder: Path) -> bytes:
     words: list[str | Path] = [
         *EXACT,
         "-O3",
-        "-s",
         "-shared",
         "-DHT_GATES_ACTIVE_LOW=0",
         *include,
@@ -77,7 +78,7 @@ def compiled(name: str, source: Path, folder: Path) -> bytes:
         exports.write_text("\n".join(["EXPORTS", *rows, ""]), encoding="ascii")
         words.append(exports)
     else:
-        words.append("-fPIC")
+        words += ["-fPIC", "-s"]  # without -s the C library is that of the C tests
     zig(name, *words, *sources, "-lm")
     check = folder / name / "layout.c"
     check.write_text(layout.source(), encoding="utf-8")
