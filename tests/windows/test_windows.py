@@ -24,8 +24,8 @@ if "HT_WINDOWS" not in os.environ:
     pytest.skip("make test-windows runs this", allow_module_level=True)
 
 EXAMPLES = windows.ROOT / "examples"
-#: The first start compiles the simulation.
-WAIT_S = 300
+#: No test needs as long. The first start compiles the simulation, and the computer may be busy.
+WAIT_S = 1500
 
 
 PYTHON = ("wine", windows.PYTHON / "python.exe")
