@@ -8,7 +8,9 @@
 #include "ht_interleaved_law.c"
 #include "ht_lost_legs.c"
 #include "ht_misfit.h"
+#define shares_of modulator_shares_of
 #include "ht_modulator.c"
+#undef shares_of
 #define table params_table /* a name of two files */
 #include "ht_params.c"
 #undef table
