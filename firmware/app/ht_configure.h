@@ -5,6 +5,7 @@
 #define HT_CONFIGURE_H
 
 #include "ht_alignment.h"
+#include "ht_index.h"
 #include "ht_control.h"
 #include "ht_derating.h"
 #include "ht_device_heat.h"
@@ -51,6 +52,7 @@ typedef struct {
     ht_params params; /**< the parameters that all this is derived from */
     ht_excitation_config excitation;
     ht_alignment_config alignment; /**< of a rotor with magnets */
+    ht_index_config index;
     ht_short_circuit_config short_circuit;
     ht_outputs_config outputs;
     ht_ntc_config ntc[HT_SLOW_CHANNELS];

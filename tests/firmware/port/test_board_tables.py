@@ -44,6 +44,7 @@ def test_a_table_in_words(board):
         assert digits == [str(number % 8 if table.map.adc_sequencer else number)]
     for signal, pin in (
         ("trip", table.trip), ("encoder A", table.encoder_a), ("encoder B", table.encoder_b),
+        ("encoder index", table.encoder_index),
         ("serial receive", table.receive), ("serial transmit", table.transmit),
         ("precharge relay", table.output[0]), ("brake", table.output[1]), ("fan", table.output[2]),
         ("chopper", table.output[3]),

@@ -148,7 +148,8 @@ def test_reading_the_capture_unit(board, bit):
     look = ffi.new("ht_capture *")
     before = board.rf.accesses
     lib.ht_port_read_capture(board.port, look)
-    assert board.rf.accesses - before == 4
+    assert board.rf.accesses - before == 5
+    assert not look.index
     assert (look.age_ticks, look.period_ticks) == (40001, 65535)
     got = {"event": look.event, "forward": look.forward, "overflow": look.overflow,
            "reversed": look.reversed}  # fmt: skip
@@ -156,6 +157,23 @@ def test_reading_the_capture_unit(board, bit):
     assert got == {key: key == name for key in got}
     # Cleared by the look: UPEVNT, COEF, CDEF. Not ours: the first index marker.
     assert board.eqep(0x1C) == (0 if bit in (7, 3, 2) else 1 << bit)
+    assert board.rf.violations == 0
+
+
+def test_reading_the_index_latch(board):
+    """It is reported once. The counter is latched at the index's rise, and not reset by it."""
+    board.init()
+    base = QPOSCNT[board.device]
+    control = board.eqep(0x15)
+    assert control >> 4 & 3 == 1 and control >> 12 & 3 == 1  # IEL, PCRM
+    board.rf.word[base + 0x08], board.rf.word[base + 0x09] = 0x5678, 0x1234
+    board.rf.word[base + 0x19] = 0x0FFF  # every flag
+    look = ffi.new("ht_capture *")
+    lib.ht_port_read_capture(board.port, look)
+    assert look.index and look.index_position == 0x12345678
+    assert board.eqep(0x19) == 0x0BFF  # no other flag is ours
+    lib.ht_port_read_capture(board.port, look)
+    assert not look.index
     assert board.rf.violations == 0
 
 
