@@ -19,6 +19,15 @@ def until(condition: Callable[[], Found]) -> Found:
     return found
 
 
+def alive(pid: int) -> bool:
+    """Whether the process runs; a process that has ended but was not waited for does not."""
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
 def until_it_runs(sim) -> None:
     """Start a simulated drive, and go on until it is in RUN."""
     sim.start()

@@ -5,7 +5,8 @@
 - Pages from the data beside the pages: each docs/data/NAME.csv is a table on a page of its own.
 - The gallery: the scenarios and scripts in examples/, and its notebooks, executed.
 - The drive in a browser, `live.html`, which the home page shows.
-- Equations: a block ```math becomes MathML, which browsers draw without a script.
+- Equations: a block ```math, and $`…`$ in a line, become MathML, which browsers draw without a
+  script.
 - A link out of docs/ (to code) becomes the file's path: the site holds pages only.
 """
 
@@ -127,23 +128,33 @@ def on_page_markdown(markdown, page, config, files):
     tell("page", len(_pages), len(files.documentation_pages()))
     parts = re.split(r"(^```.*?^```$)", markdown, flags=re.S | re.M)
     parts[::2] = [re.sub(r"(?<!!)\[([^\]]+)\]\(([^)\s]+)\)", without_code, p) for p in parts[::2]]
+    parts[::2] = [re.sub(r"\$`([^`]+)`\$", in_line, p) for p in parts[::2]]
     return "".join(parts)
 
 
 # --- equations --------------------------------------------------------------------
 
 
-def equation(source, language, css_class, options, md, **kwargs):
-    """A ```math block (LaTeX, as GitHub draws it) as MathML."""
+def mathml(source, display):
+    """LaTeX, as GitHub draws it, as MathML."""
     from latex2mathml.converter import convert
 
-    mathml = convert(source.strip(), display="block")
-    unknown = re.search(r"<mi>(&|\\[a-z]+)</mi>", mathml)
+    made = convert(source.strip(), display=display)
+    unknown = re.search(r"<mi>(&|\\[a-z]+)</mi>", made)
     if unknown:
         raise ValueError(f"equation not understood at {unknown[1]}: {source}")
     # Browsers know the style, not the older attribute.
-    mathml = re.sub(r'columnalign="(\w+)"', r'style="text-align: \1"', mathml)
-    return f'<div class="math">{mathml}</div>'
+    return re.sub(r'columnalign="(\w+)"', r'style="text-align: \1"', made)
+
+
+def equation(source, language, css_class, options, md, **kwargs):
+    """A ```math block."""
+    return f'<div class="math">{mathml(source, "block")}</div>'
+
+
+def in_line(found):
+    """$`…`$ in a line. Markdown takes a tag `math` at its beginning for a block."""
+    return f"<span>{mathml(found[1], 'inline')}</span>"
 
 
 # --- pages from files ---------------------------------------------------------------

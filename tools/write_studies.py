@@ -12,14 +12,13 @@ from pathlib import Path
 
 import doc_page
 
+from hexatorque.evidence.methods import dynamics, robustness
 from hexatorque.evidence.studies import (
     arcs,
     commissioning,
-    dynamics,
     faults,
     lost_phase,
     machines,
-    robustness,
     shortest_pulse,
     transients,
     wrong_lxy,

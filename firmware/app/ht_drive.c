@@ -1,3 +1,4 @@
+/* The fast interrupt: measurement, checks, and one period of each state. */
 #include "ht_angle.h"
 #include "ht_drive_inside.h"
 #include "ht_limited.h"
@@ -9,43 +10,6 @@
 /* No shaft turns further than this in a period (electrical angle). A position counter that jumps
  * must not make the rotor flux grow without bound; finding the jump is the protection's task. */
 #define TURN_MAX_RAD 1.5f
-
-#define RAD_S_PER_RPM 0.104719755f
-
-static bool finite_below(float value, float limit)
-{
-    return fabsf(value) < limit;
-}
-
-const char *ht_state_name(uint16_t state)
-{
-    static const char *const names[HT_STATES] = {
-#define HT_STATE(name, number, text, flags) text,
-#include "ht_states.def"
-#undef HT_STATE
-    };
-    return (state < (uint16_t)HT_STATES) ? names[state] : "";
-}
-
-uint16_t ht_state_flags(uint16_t state)
-{
-    static const uint16_t all[HT_STATES] = {
-#define HT_STATE(name, number, text, flags) flags,
-#include "ht_states.def"
-#undef HT_STATE
-    };
-    return (state < (uint16_t)HT_STATES) ? all[state] : (uint16_t)HT_ALL_FLAGS;
-}
-
-const ht_limit_info *ht_limit_describe(uint16_t row)
-{
-    static const ht_limit_info table[HT_LIMITS] = {
-#define HT_LIMIT(name, bit, text, help) {(bit), text, help},
-#include "ht_limits.def"
-#undef HT_LIMIT
-    };
-    return (row < (uint16_t)HT_LIMITS) ? &table[row] : NULL;
-}
 
 void ht_drive_set_levels(ht_drive *d)
 {
@@ -91,152 +55,12 @@ static void measure(ht_drive *d)
     }
 }
 
-/* Faults after which the estimate of the flux cannot be trusted. */
-#define DOUBTS                                                                               \
-    ((unsigned)HT_FAULT_NONFINITE | (unsigned)HT_FAULT_CALIBRATION                           \
-     | (unsigned)HT_FAULT_CURRENT_SUM | (unsigned)HT_FAULT_FLUX | (unsigned)HT_FAULT_ENCODER \
-     | (unsigned)HT_FAULT_STUCK | (unsigned)HT_FAULT_INTERRUPT | (unsigned)HT_FAULT_PHASE)
-
-static void keep(ht_drive *d, uint16_t state, uint32_t bits)
-{
-    if ((bits & DOUBTS) != 0u) {
-        d->flux_unknown = 1.0f;
-    }
-    d->snapshot.tick = d->tick;
-    d->snapshot.state = state;
-    d->snapshot.faults = bits;
-    d->snapshot.warnings = ht_drive_warnings(d);
-    d->snapshot.samples = d->samples;
-    d->snapshot.in = d->in;
-    d->snapshot.estimate = d->control.estimate;
-    d->snapshot.speed_rpm = d->speed_rpm;
-}
-
-uint16_t ht_drive_warnings(const ht_drive *d)
-{
-    unsigned shorted = (d->short_circuit.on != 0u) ? (unsigned)HT_WARNING_SHORT_CIRCUIT : 0u;
-    return (uint16_t)(d->warnings | d->heat_warnings | shorted);
-}
-
-/* A comparator's findings since the gates went on, fault bits. */
-HT_SELDOM static uint16_t by_comparator(const ht_drive *d)
-{
-    uint16_t beyond = ht_port_beyond(d->port);
-    unsigned faults = ((beyond >> (unsigned)HT_ADC_VDC) != 0u) ? (unsigned)HT_FAULT_VDC_HIGH : 0u;
-    if ((beyond & ((1u << (unsigned)HT_ADC_VDC) - 1u)) != 0u) { /* a phase current */
-        faults |= HT_FAULT_OVERCURRENT;
-    }
-    return (uint16_t)faults;
-}
-
-/* Faults after which the chopper stays off: the trip chain, which the resistor's thermal switch belongs to,
- * or no look at the dc link's voltage. Others need it all the more. */
-#define NO_CHOPPER \
-    ((uint32_t)HT_FAULT_EXTERNAL | (uint32_t)HT_FAULT_INTERRUPT | (uint32_t)HT_FAULT_CLOCK)
-
-static void chop(ht_drive *d, bool on)
-{
-    d->chops = (uint16_t)(on ? HT_OUT_CHOPPER : 0);
-    ht_port_outputs(d->port, HT_OUT_CHOPPER, d->chops);
-    ht_drive_look(d);
-}
-
-/* Whatever the state is: an over-voltage must go with the gates off, too. */
-HT_SELDOM static void follow_chopper(ht_drive *d)
-{
-    bool is_on = d->chops != 0u;
-    bool on = ht_outputs_chops(&d->config->outputs, is_on, d->in.vdc_V)
-              && ((d->faults & NO_CHOPPER) == 0u) && !ht_port_trip_pin_low(d->port);
-    if (on != is_on) {
-        chop(d, on);
-    }
-}
-
-void ht_drive_look(ht_drive *d)
-{
-    const ht_drive_config *c = d->config;
-    float above_V = (c->vdc.above_V < c->outputs.chopper_on_V) ? c->vdc.above_V
-                                                               : c->outputs.chopper_on_V;
-    d->look_above_V = (d->chops != 0u) ? -1.0f : above_V;
-}
-
 /* Once in each period. BUILD at standstill and RUN look with the dc link's limits. */
 HT_SELDOM static void look_at_link(ht_drive *d)
 {
     if (d->in.vdc_V > d->look_above_V) {
-        follow_chopper(d);
+        ht_drive_follow_chopper(d);
     }
-}
-
-/* Nothing holds the shaft any more. */
-static void close_brake(ht_drive *d)
-{
-    if ((d->outputs.on & (uint16_t)HT_OUT_BRAKE) != 0u) {
-        d->outputs.on &= (uint16_t)~(unsigned)HT_OUT_BRAKE;
-        ht_port_outputs(d->port, HT_OUT_BRAKE, 0u);
-    }
-}
-
-static void fault(ht_drive *d, uint32_t bits)
-{
-    ht_port_gates_off(d->port);
-    close_brake(d);
-    if (d->state != (uint16_t)HT_STATE_FAULT) {
-        bool by_hardware = (bits & (uint32_t)HT_FAULT_EXTERNAL) != 0u;
-        if ((bits & ((uint32_t)HT_FAULT_OVERCURRENT | (uint32_t)HT_FAULT_VDC_HIGH)) != 0u) {
-            uint16_t found = (uint16_t)(by_comparator(d) & bits);
-            if (found != 0u) {
-                d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_COMPARATOR);
-            }
-            by_hardware = by_hardware || ((found & (uint16_t)HT_FAULT_OVERCURRENT) != 0u);
-        }
-        keep(d, d->state, bits);
-        if (by_hardware) {
-            d->trips++;
-        }
-        ht_drive_enter(d, HT_STATE_FAULT);
-    }
-    d->faults |= bits;
-}
-
-void ht_drive_trip(ht_drive *d, uint32_t bits)
-{
-    fault(d, bits);
-}
-
-/* Gates off from outside the fast interrupt. The latches hold a short circuit without code, and it stays. */
-static void take_gates_off(const ht_drive *d)
-{
-    if (d->short_circuit.on == 0u) {
-        ht_port_gates_off(d->port);
-    }
-}
-
-void ht_drive_interrupt_lost(const ht_drive *d)
-{
-    take_gates_off(d);
-}
-
-void ht_drive_stand_in(ht_drive *d, uint32_t bits)
-{
-    const ht_drive_config *staged = d->staged;
-    uint16_t state = d->state;
-    d->state = (uint16_t)HT_STATE_FAULT; /* first, as in ht_drive_stop */
-    take_gates_off(d);
-    close_brake(d);
-    if (staged != NULL) {
-        d->config = staged;
-        d->taken_tick = d->tick;
-        d->staged = NULL;
-    }
-    if (state != (uint16_t)HT_STATE_FAULT) {
-        keep(d, state, bits);
-    }
-    d->faults |= bits;
-    if (d->chops != 0u) {
-        chop(d, false);
-    }
-    ht_drive_look(d);
 }
 
 /* Legs whose gates are on while the drive runs, a state word. */
@@ -248,7 +72,7 @@ static uint16_t used_legs(const ht_drive *d)
 /* A latch is set that the drive has not set. */
 HT_SELDOM static uint16_t tripped_by(const ht_drive *d)
 {
-    unsigned faults = by_comparator(d);
+    unsigned faults = ht_drive_by_comparator(d);
     if (ht_port_interrupt_lost(d->port)) {
         faults |= HT_FAULT_INTERRUPT;
     }
@@ -347,7 +171,7 @@ static inline void protect_after(ht_drive *d)
         faults |= phase_lost(d);
     }
     if (faults != 0u) {
-        fault(d, faults);
+        ht_drive_trip(d, faults);
     }
 }
 
@@ -405,7 +229,7 @@ HT_SELDOM static void hold(ht_drive *d)
     in.omega_rad_s = omega_rad_s(d);
     in.encoder_doubtful = (d->faults & (uint32_t)HT_FAULT_ENCODER) != 0u;
     if ((d->short_circuit.on != 0u) && ht_short_circuit_beyond(&c->short_circuit, in.i_A)) {
-        fault(d, HT_FAULT_OVERCURRENT);
+        ht_drive_trip(d, HT_FAULT_OVERCURRENT);
     }
     in.forbidden = ((d->faults & NO_SHORT_CIRCUIT) != 0u) || ht_port_trip_pin_low(d->port);
     if (ht_short_circuit_step(&c->short_circuit, &d->short_circuit, &in)) {
@@ -444,8 +268,7 @@ static bool can_catch_rotor(const ht_drive *d)
                > ht_rotor_catch_least_rad_s(&m->magnet, m->rs_ohm, c->params.v[HT_P_i_trip_A]));
 }
 
-/* Could a shaft be caught that turns? Its flux must be known, and the drive whole. */
-static bool can_catch(const ht_drive *d)
+bool ht_drive_can_catch(const ht_drive *d)
 {
     const float *v = d->params.v;
     bool known = (v[HT_P_machine] != 0.0f) ? can_catch_rotor(d) : (d->flux_unknown < HT_FLUX_KNOWN);
@@ -458,10 +281,10 @@ HT_SELDOM static void begin_rotor(ht_drive *d)
     const ht_drive_config *c = d->config;
     const float *v = c->params.v;
     float counts = d->speed_rpm * v[HT_P_encoder_counts_rev] / (60.0f * v[HT_P_f_isr_Hz]);
-    bool turns = !finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
+    bool turns = !ht_finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
     d->catches = 0u;
     ht_control_reset(&c->control, &d->control, &d->in.i_A);
-    if (turns && can_catch(d)) {
+    if (turns && ht_drive_can_catch(d)) {
         d->catches = 1u;
         d->protect.counts_quick = counts; /* the shaft has not just begun to turn */
         d->protect.counts_slow = counts;
@@ -484,9 +307,9 @@ static void begin_flux(ht_drive *d)
         begin_rotor(d);
         return;
     }
-    moves = (psi2 > least_Wb * least_Wb) || !finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
+    moves = (psi2 > least_Wb * least_Wb) || !ht_finite_below(d->speed_rpm, v[HT_P_start_max_rpm]);
     d->catches = 0u;
-    if (moves && can_catch(d)) {
+    if (moves && ht_drive_can_catch(d)) {
         d->catches = 1u;
         d->flux_ref_Wb = sqrtf(psi2);
         ht_control_catch_begin(&d->config->control, &d->control, &d->in.i_A);
@@ -511,7 +334,7 @@ static void calibrate(ht_drive *d)
         faults |= HT_FAULT_EXTERNAL;
     }
     if (faults != 0u) {
-        fault(d, faults);
+        ht_drive_trip(d, faults);
         return;
     }
     if (d->state_ticks == 1u) { /* all legs low before the gates ever come on */
@@ -532,8 +355,8 @@ static void calibrate(ht_drive *d)
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
         float mean = (float)d->offset_sum[leg] / (float)d->state_ticks;
-        if (!finite_below(mean - (float)HT_ADC_MID, (float)HT_OFFSET_MOST_COUNTS)) {
-            fault(d, HT_FAULT_CALIBRATION);
+        if (!ht_finite_below(mean - (float)HT_ADC_MID, (float)HT_OFFSET_MOST_COUNTS)) {
+            ht_drive_trip(d, HT_FAULT_CALIBRATION);
             return;
         }
         d->offset_counts[leg] = mean;
@@ -597,7 +420,7 @@ static void end_build(ht_drive *d, float share)
         ht_observer_stand_still(&d->control.observer);
     }
     if (gates_refused(d)) {
-        fault(d, HT_FAULT_EXTERNAL);
+        ht_drive_trip(d, HT_FAULT_EXTERNAL);
     } else if (d->state_ticks >= d->build_ticks) {
         ht_drive_set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb]);
         begin_run(d, 0.0f);
@@ -612,13 +435,13 @@ HT_SELDOM static void limit_by_vdc(ht_drive *d)
     const ht_vdc_config *c = &d->config->vdc;
     float vdc_V = d->in.vdc_V;
     float torque_Nm;
-    follow_chopper(d);
+    ht_drive_follow_chopper(d);
     if ((d->state != (uint16_t)HT_STATE_RUN) || ((vdc_V <= c->above_V) && (vdc_V >= c->below_V))) {
         return;
     }
     torque_Nm = ht_vdc_torque_Nm(c, d->torque_ref_Nm, d->torque_limit_Nm,
-                                 d->speed_rpm * RAD_S_PER_RPM, d->vdc_from_rpm * RAD_S_PER_RPM,
-                                 vdc_V);
+                                 d->speed_rpm * HT_RAD_S_PER_RPM,
+                                 d->vdc_from_rpm * HT_RAD_S_PER_RPM, vdc_V);
     torque_Nm = (torque_Nm < d->torque_least_Nm) ? d->torque_least_Nm : torque_Nm;
     if (torque_Nm != d->torque_ref_Nm) {
         unsigned acts = (vdc_V > c->above_V) ? (unsigned)HT_LIMIT_VDC_HIGH
@@ -645,7 +468,7 @@ static inline void drive(ht_drive *d, bool build)
         faults |= d->rotor_faults;
     }
     if (faults != 0u) {
-        fault(d, faults);
+        ht_drive_trip(d, faults);
         return;
     }
     d->in.torque_ref_Nm = d->torque_ref_Nm; /* 0 in BUILD */
@@ -707,13 +530,13 @@ HT_SELDOM static void align(ht_drive *d)
         faults |= HT_FAULT_ENCODER;
     }
     if (faults != 0u) {
-        fault(d, faults);
+        ht_drive_trip(d, faults);
         return;
     }
     ht_control_align(&c->control, &d->control, &d->in, d->rotor.direction, &out);
     ht_port_write(d->port, &out);
     if (gates_refused(d)) {
-        fault(d, HT_FAULT_EXTERNAL);
+        ht_drive_trip(d, HT_FAULT_EXTERNAL);
     } else if (step == HT_ALIGNED) {
         begin_run_with_magnets(d);
     } else {
@@ -768,7 +591,7 @@ HT_SELDOM static bool catch_rotor(ht_drive *d)
         faults |= HT_FAULT_ENCODER;
     }
     if (faults != 0u) {
-        fault(d, faults);
+        ht_drive_trip(d, faults);
         return false;
     }
     if (found == HT_CAUGHT) {
@@ -777,7 +600,7 @@ HT_SELDOM static bool catch_rotor(ht_drive *d)
     ht_control_low_pattern(&c->control, &low); /* the pattern stays: all legs low */
     ht_port_write(d->port, &low);
     if (gates_refused(d)) {
-        fault(d, HT_FAULT_EXTERNAL);
+        ht_drive_trip(d, HT_FAULT_EXTERNAL);
     }
     protect_after(d);
     return false;
@@ -819,7 +642,7 @@ HT_SELDOM static void catch_shaft(ht_drive *d)
     ht_compare out;
     look_at_link(d);
     if (faults != 0u) {
-        fault(d, faults);
+        ht_drive_trip(d, faults);
         return;
     }
     d->in.omega_rad_s = omega;
@@ -827,7 +650,7 @@ HT_SELDOM static void catch_shaft(ht_drive *d)
     ht_control_catch(&c->control, &d->control, &d->in, &out);
     ht_port_write(d->port, &out);
     if (gates_refused(d)) {
-        fault(d, HT_FAULT_EXTERNAL);
+        ht_drive_trip(d, HT_FAULT_EXTERNAL);
     } else if (d->state_ticks >= d->build_ticks) {
         begin_run(d, omega);
     } else {
@@ -852,7 +675,7 @@ static void test(ht_drive *d)
         faults |= tripped_by(d);
     }
     if (faults != 0u) {
-        fault(d, faults);
+        ht_drive_trip(d, faults);
         return;
     }
     if (d->state_ticks >= d->config->excitation.ticks) {
@@ -863,9 +686,9 @@ static void test(ht_drive *d)
     ht_excitation_step(&d->config->excitation, &d->excitation, d->in.vdc_V, &c->period, &out);
     ht_port_write(d->port, &out);
     if (gates_refused(d)) {
-        fault(d, HT_FAULT_EXTERNAL);
+        ht_drive_trip(d, HT_FAULT_EXTERNAL);
     } else if (too_late(d)) {
-        fault(d, HT_FAULT_OVERRUN);
+        ht_drive_trip(d, HT_FAULT_OVERRUN);
     } else {
         /* goes on */
     }
@@ -944,84 +767,4 @@ void ht_drive_fast_isr(ht_drive *d)
         break;
     }
     ht_port_ack_fast(d->port);
-}
-
-uint16_t ht_drive_restart_wait(const ht_drive *d)
-{
-    uint16_t trips = d->trips; /* once: the interrupts come at any time */
-    uint16_t count = (uint16_t)(trips - d->trips_forgotten);
-    float most = d->params.v[HT_P_restart_count];
-    float left_s = d->params.v[HT_P_restart_wait_s];
-    if (!(most > 0.0f) || ((float)count < most)) {
-        return 0u;
-    }
-    if (trips == d->trips_noticed) {
-        left_s -= (float)d->quiet_s;
-    }
-    return (uint16_t)((left_s > 0.0f) ? (left_s + 0.999f) : 1.0f);
-}
-
-ht_result ht_drive_start(ht_drive *d)
-{
-    int leg;
-    if (ht_port_trip_pin_low(d->port)) {
-        return HT_ERROR_TRIP;
-    }
-    if ((d->state != (uint16_t)HT_STATE_IDLE) || (d->faults != 0u)) {
-        return HT_ERROR_STATE; /* a fault that a stop overtook must be cleared first */
-    }
-    if (d->short_circuit.on != 0u) {
-        return HT_ERROR_SHORT_CIRCUIT;
-    }
-    if (ht_config_in_force(d)->index.used && !d->index.known) {
-        return HT_ERROR_INDEX;
-    }
-    if (!finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm]) && !can_catch(d)) {
-        return HT_ERROR_TURNING;
-    }
-    if (d->params.v[HT_P_motion] != (float)HT_MOTION_FOLLOW) {
-        return HT_ERROR_MOTION;
-    }
-    if (ht_drive_restart_wait(d) != 0u) {
-        return HT_ERROR_RESTART;
-    }
-    if (!ht_outputs_charged(&ht_config_in_force(d)->outputs, &d->outputs)) {
-        return HT_ERROR_CHARGE;
-    }
-    for (leg = 0; leg < HT_LEGS; leg++) {
-        d->offset_sum[leg] = 0u;
-        d->offset_counts[leg] = (float)HT_ADC_MID;
-    }
-    d->warnings = 0u;
-    ht_drive_enter(d, HT_STATE_CALIBRATE);
-    return HT_OK;
-}
-
-void ht_drive_stop(ht_drive *d)
-{
-    /* State first: a fast interrupt in between must not turn the gates on again. And nothing
-     * but the state: with its ticks at 0, one that still finds BUILD would begin that anew,
-     * and release a latch that the pin has set. */
-    if (d->state != (uint16_t)HT_STATE_FAULT) {
-        d->state = (uint16_t)HT_STATE_IDLE;
-    }
-    take_gates_off(d);
-    close_brake(d);
-}
-
-ht_result ht_drive_clear(ht_drive *d)
-{
-    if ((d->faults & (uint32_t)HT_FAULT_CLOCK) != 0u) {
-        return HT_ERROR_STATE; /* nothing but a reset makes another clock */
-    }
-    if (ht_port_trip_pin_low(d->port)) {
-        return HT_ERROR_TRIP;
-    }
-    if ((d->state != (uint16_t)HT_STATE_FAULT) && (d->faults == 0u)) {
-        return HT_ERROR_STATE;
-    }
-    d->faults = 0u;
-    d->warnings = 0u;
-    ht_drive_enter(d, HT_STATE_IDLE);
-    return HT_OK;
 }

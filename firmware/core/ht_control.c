@@ -1,3 +1,4 @@
+/* The control step. Each switch over the laws has a case for every row of ht_laws.def; no law is named here. */
 #include "ht_control.h"
 
 #include "ht_angle.h"
@@ -13,106 +14,10 @@
 
 static const ht_vsd no_voltage = {{0.0f, 0.0f}, {0.0f, 0.0f}};
 
-static bool positive(float value)
-{
-    return (value > 0.0f) && (value < 1.0e30f); /* NaN and infinity are not */
-}
-
-/* The laws. Each switch over them has a case for every row of ht_laws.def; no law is named here. */
-
-/* The choices of the scheme's row. */
-static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
-{
-    cfg->law = row->law;
-    cfg->patterns = false;
-    switch (row->law) {
-#define HT_VECTOR_LAW(id, law)                                    \
-    case HT_LAW_##id:                                             \
-        ht_##law##_law_select(&cfg->law##_law, row);              \
-        cfg->needs_xy = ht_##law##_law_needs_xy(&cfg->law##_law); \
-        break;
-#define HT_VOLTAGE_LAW(id, law) \
-    case HT_LAW_##id:           \
-        cfg->needs_xy = true;   \
-        break;
-#define HT_PATTERN_LAW(id, law) \
-    case HT_LAW_##id:           \
-        cfg->needs_xy = true;   \
-        cfg->patterns = true;   \
-        break;
-#include "ht_laws.def"
-#undef HT_VECTOR_LAW
-#undef HT_VOLTAGE_LAW
-#undef HT_PATTERN_LAW
-    default:
-        break;
-    }
-}
-
 /* Currents of the legs in the winding's planes. */
 static HT_INTO_CALLERS ht_vsd currents_of(ht_winding winding, const ht_six *i_A)
 {
     return ht_of_winding(winding, ht_vsd_from_six(i_A));
-}
-
-/* Every law that commands a voltage: prediction, sampling, and what the law says of its own
- * configuration. */
-static ht_config_status voltage_law_check(const ht_control_config *cfg, bool own)
-{
-    if (!(cfg->shadow && cfg->predict)) {
-        return HT_CONFIG_PREDICTION;
-    }
-    if (!ht_voltage_law_fast_enough(&cfg->observer)) {
-        return HT_CONFIG_SAMPLING;
-    }
-    return (own && ht_modulator_check(&cfg->modulator)) ? HT_CONFIG_OK : HT_CONFIG_SCHEME;
-}
-
-/* Can the law work with this configuration? */
-static ht_config_status law_check(const ht_control_config *cfg)
-{
-    ht_config_status status = HT_CONFIG_LAW;
-    switch (cfg->law) {
-#define HT_VECTOR_LAW(id, law)                                                            \
-    case HT_LAW_##id:                                                                     \
-        status = ht_##law##_law_check(&cfg->law##_law) ? HT_CONFIG_OK : HT_CONFIG_SCHEME; \
-        break;
-#define HT_VOLTAGE_LAW(id, law)                                                 \
-    case HT_LAW_##id:                                                           \
-        status = voltage_law_check(cfg, ht_##law##_law_check(&cfg->law##_law)); \
-        break;
-#define HT_PATTERN_LAW HT_VOLTAGE_LAW
-#include "ht_laws.def"
-#undef HT_VECTOR_LAW
-#undef HT_VOLTAGE_LAW
-#undef HT_PATTERN_LAW
-    default:
-        break;
-    }
-    return status;
-}
-
-static bool period_fits(const ht_control_config *cfg)
-{
-    const ht_period *p = &cfg->period;
-    float dead_counts = cfg->dead.dead_pu * (float)p->counts;
-    return (p->counts >= 8u) && (p->first < (uint16_t)(p->counts / 2u))
-           && (!cfg->shadow || (p->first == 0u)) && (p->shortest >= 1u)
-           && (p->shortest <= (uint16_t)((p->counts - p->first) / 2u))
-           && (dead_counts < ((float)p->shortest + 1.0f)); /* NaN is not */
-}
-
-/* The states of all laws. */
-static void law_reset(ht_control_state *st)
-{
-#define HT_VECTOR_LAW(id, law) ht_##law##_law_reset(&st->law##_law);
-#define HT_VOLTAGE_LAW HT_VECTOR_LAW
-#define HT_PATTERN_LAW HT_VECTOR_LAW
-#include "ht_laws.def"
-#undef HT_VECTOR_LAW
-#undef HT_VOLTAGE_LAW
-#undef HT_PATTERN_LAW
-    ht_modulator_reset(&st->modulator);
 }
 
 /* The input of a vector law. */
@@ -266,158 +171,6 @@ static HT_INTO_CALLERS ht_vsd wanted_pu(const ht_control_config *cfg, ht_control
         v = ht_lost_legs_command(&st->lost, &cfg->observer, &seen, v);
     }
     return v;
-}
-
-void ht_control_select(ht_control_config *cfg, ht_scheme scheme)
-{
-    const ht_scheme_info *row = ht_scheme_describe((uint16_t)scheme);
-    cfg->scheme = scheme;
-    if (row != NULL) {
-        law_select(cfg, row);
-    }
-}
-
-void ht_control_configure(ht_control_config *cfg, const ht_law_setting *given)
-{
-    switch (cfg->law) {
-#define HT_VECTOR_LAW(id, law)                                             \
-    case HT_LAW_##id:                                                      \
-        ht_##law##_law_configure(&cfg->law##_law, given, &cfg->modulator); \
-        break;
-#define HT_VOLTAGE_LAW HT_VECTOR_LAW
-#define HT_PATTERN_LAW HT_VECTOR_LAW
-#include "ht_laws.def"
-#undef HT_VECTOR_LAW
-#undef HT_VOLTAGE_LAW
-#undef HT_PATTERN_LAW
-    default:
-        break;
-    }
-    ht_modulator_wind(&cfg->modulator, cfg->observer.winding);
-    cfg->special = cfg->patterns || cfg->observer.magnets
-                   || (cfg->observer.winding != HT_WINDING_30);
-}
-
-float ht_control_reach_pu(const ht_control_config *cfg)
-{
-    float reach_pu = ht_scheme_describe((uint16_t)cfg->scheme)->reach_pu;
-    switch (cfg->law) {
-#define HT_VECTOR_LAW(id, law)                                         \
-    case HT_LAW_##id:                                                  \
-        reach_pu = ht_##law##_law_reach_pu(&cfg->law##_law, reach_pu); \
-        break;
-#define HT_VOLTAGE_LAW(id, law)
-#define HT_PATTERN_LAW HT_VOLTAGE_LAW
-#include "ht_laws.def"
-#undef HT_VECTOR_LAW
-#undef HT_VOLTAGE_LAW
-#undef HT_PATTERN_LAW
-    default:
-        break;
-    }
-    if ((cfg->observer.winding != HT_WINDING_30) && (reach_pu > HT_REACH_ALIKE_PU)) {
-        reach_pu = HT_REACH_ALIKE_PU;
-    }
-    return reach_pu;
-}
-
-ht_config_status ht_control_check(const ht_control_config *cfg)
-{
-    if (ht_scheme_describe((uint16_t)cfg->scheme) == NULL) {
-        return HT_CONFIG_SCHEME;
-    }
-    if (!period_fits(cfg) || !positive(cfg->observer.ts_s) || !(cfg->dead.dead_pu >= 0.0f)
-        || !(cfg->dead.dead_pu <= 0.5f) || !positive(cfg->dead.i_zero_A)) {
-        return HT_CONFIG_TIMING;
-    }
-    if (((unsigned)cfg->observer.kind >= HT_OBSERVERS)
-        || ((unsigned)cfg->observer.winding >= HT_WINDINGS) || !(cfg->observer.rs_ohm >= 0.0f)
-        || !positive(cfg->observer.sigma_ls_H) || !positive(cfg->observer.inv_sigma_ls)
-        || !positive(cfg->observer.lxy_H) || !(cfg->observer.rotor_decay >= 0.0f)
-        || !(cfg->observer.rotor_decay < 0.5f)) {
-        return HT_CONFIG_MACHINE;
-    }
-    return law_check(cfg);
-}
-
-/* All low, no edge. */
-static void low_from_the_start(ht_applied *a, const ht_dead_time *dead)
-{
-    int n;
-    for (n = 0; n < 3; n++) {
-        a->s[n] = 0u;
-        a->t[n] = (n == 0) ? 0.0f : 1.0f;
-    }
-    ht_applied_finish(a, 0u, dead);
-}
-
-void ht_control_low_pattern(const ht_control_config *cfg, ht_compare *out)
-{
-    int leg;
-    out->start = 0u;
-    for (leg = 0; leg < HT_LEGS; leg++) {
-        out->ca[leg] = cfg->period.counts;
-        out->cb[leg] = cfg->period.counts;
-    }
-}
-
-void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A)
-{
-    ht_vsd i = currents_of(cfg->observer.winding, i_A);
-    ht_observer_reset(&cfg->observer, &st->observer, i.ab);
-    low_from_the_start(&st->active, &cfg->dead);
-    low_from_the_start(&st->next, &cfg->dead);
-    st->carry.legs = 0u;
-    st->i_A = *i_A;
-    st->flow = ht_flow_of(i_A, &cfg->dead);
-    st->estimate.psi_Wb = st->observer.psi_Wb;
-    st->estimate.torque_Nm = 0.0f;
-    st->decided = st->estimate;
-    st->i_xy_A = i.xy;
-    st->psi_xy_Wb.x = 0.0f;
-    st->psi_xy_Wb.y = 0.0f;
-    st->v_xy_pu.x = 0.0f;
-    st->v_xy_pu.y = 0.0f;
-    st->sector = 0u;
-    st->rotor_Wb = st->observer.psi_Wb;
-    st->emf_V = st->v_xy_pu;
-    ht_leg_loss_reset(&st->leg_loss);
-    st->lost.axes = 0u;
-    law_reset(st);
-}
-
-bool ht_control_can_lose(const ht_control_config *cfg)
-{
-    /* With magnets what the legs must make also depends on what the magnets induce in x-y. */
-    return cfg->shadow && cfg->predict && !cfg->observer.magnets;
-}
-
-uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs,
-                         float set2_ohm)
-{
-    uint16_t off = ht_lost_legs_of(cfg->observer.winding, legs, &st->lost);
-    float more_ohm = st->leg_loss.more_ohm; /* the machine has it without the leg, too */
-    uint16_t n;
-    ht_lost_legs_differ(&st->lost, set2_ohm);
-    for (n = 0u; (st->leg_loss.found != 0u) && (n < st->lost.axes); n++) {
-        const ht_lost_axis *x = &st->lost.axis[n];
-        float sum_V = x->b.x * st->leg_loss.sum_V.x + x->b.y * st->leg_loss.sum_V.y;
-        st->observer.psi_Wb.alpha += cfg->observer.ts_s * sum_V * x->a.alpha;
-        st->observer.psi_Wb.beta += cfg->observer.ts_s * sum_V * x->a.beta;
-    }
-    ht_leg_loss_reset(&st->leg_loss);
-    st->leg_loss.more_ohm = more_ohm;
-    st->leg_loss.without = off;
-    st->leg_loss.wait = cfg->leg_loss.wait; /* diodes carry what flowed in these legs */
-    return off;
-}
-
-void ht_control_switch_over(const ht_control_config *from, const ht_control_config *cfg,
-                            ht_control_state *st)
-{
-    if (from->law != cfg->law) {
-        law_reset(st);
-    }
 }
 
 /* Subtract the devices' threshold voltage: it acts on each leg against the leg's current.
@@ -738,20 +491,6 @@ HT_SELDOM HT_WITH_CALLED static void special_step(const ht_control_config *cfg,
     bool magnets = cfg->observer.magnets;
     bool lost = !magnets && (st->lost.axes != 0u);
     step(cfg, st, in, build, lost, magnets, caught, cfg->observer.winding, out);
-}
-
-void ht_control_catch_begin(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A)
-{
-    ht_observer_state flux = st->observer;
-    ht_control_reset(cfg, st, i_A);
-    st->observer.psi_Wb = flux.psi_Wb;
-    st->observer.psi_r_Wb = flux.psi_r_Wb;
-    st->observer.rs_ohm = flux.rs_ohm;
-    st->observer.rr_scale = flux.rr_scale;
-    st->observer.more_Wb = flux.more_Wb;
-    st->estimate.psi_Wb = flux.psi_Wb;
-    st->decided = st->estimate;
-    ht_catch_begin(&st->caught, flux.psi_Wb);
 }
 
 void ht_control_catch(const ht_control_config *cfg, ht_control_state *st,

@@ -17,7 +17,8 @@ NOT_OURS = ("ht_tables.c", "vendor")
 #: Why both stay -> the two files, or one that has both places.
 REASONS = {
     "a switch that is made from the rows of the laws, for each of their functions": {
-        ("firmware/core/ht_control.c", "firmware/core/ht_control.c"),
+        ("firmware/core/ht_control.c", "firmware/core/ht_control_configure.c"),
+        ("firmware/core/ht_control_configure.c", "firmware/core/ht_control_configure.c"),
     },
     "each board says all of its wiring, so that its row can be read alone": {
         ("firmware/port/c2000/ht_board.c", "firmware/port/c2000/ht_board.c"),

@@ -1,16 +1,15 @@
 """What README tells to type works as it is printed, in this order. Its commands for a board are run
 by test_tutorial.py, and every one is parsed by test_command_line.py."""
 
-import os
 import re
 import shutil
 from pathlib import Path
 
+from campaigns import WHOLE
 from pages import readmes_commands
 
 ROOT = Path(__file__).resolve().parents[2]
-WHOLE = bool(os.environ.get("HT_WHOLE"))
-#: What makes a long command shorter, unless HT_WHOLE is set.
+#: What makes a long command shorter, unless campaigns are whole.
 SHORTER = {"tune": " --trials 1"}
 #: These take hours. The whole of it has tests of its own.
 NOT_RUN = ("evidence",)

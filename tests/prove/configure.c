@@ -1,7 +1,7 @@
 /* Every set of parameters that are each in range, on a board with any PWM clock that a chip has. */
 #include "ht_configure.c"
 #include "ht_contracts.h"
-#include "ht_control.c"
+#include "ht_control_configure.c"
 #include "ht_deadbeat_law.c"
 #include "ht_foc_law.c"
 #include "ht_interleaved.c"

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..errors import InputError
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -37,7 +39,7 @@ def new_figure(
 
         make = figures.Figure
     if rows * columns < 1:
-        raise ValueError("no runs to draw")
+        raise InputError("no runs to draw")
     figure = make(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **shared)
     for ax in axes.flat:

@@ -12,6 +12,7 @@ import numpy as np
 from ..chips import DEVICES
 from ..drive.board import BoardDrive
 from ..drive.interface import DriveVerbs
+from ..errors import InputError
 from ..setups import derived
 from ..setups.keys import TIMING_OWNS
 from ..setups.loading import parse
@@ -111,7 +112,7 @@ def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
     """The text of a set-up's file. Everything measured has the tag `measured` and its uncertainty;
     the rest is what the board was set to."""
     if not (found.resistance and found.inductance and found.rotor):
-        raise ValueError("a set-up needs resistance, inductance and rotor")
+        raise InputError("a set-up needs resistance, inductance and rotor")
     values = found.parameters(drive)
     leakage_H = found.rotor.leakage_H
     lm = values["lm_H"]

@@ -245,7 +245,7 @@ FAULTS = {
         F28335, "ht_drive_slow.c", "if (tick == d->tick_last)", "if (tick == d->tick_last - 1u)",
         "lost interrupt is named"),
     "lost interrupt's parameters not taken over": (
-        F28377S, "ht_drive.c", "        d->staged = NULL;\n    }\n    if (state",
+        F28377S, "ht_drive_faults.c", "        d->staged = NULL;\n    }\n    if (state",
         "    }\n    if (state", "a parameter does not wait for it"),
     "watchdog fed by the slow interrupt alone": (
         F28377S, "ht_image.c", "    ht_pie_end_slow(&ht_image_port);",
@@ -363,11 +363,11 @@ FAULTS = {
         F28335, "ht_pwm.c", "bool allowed = !ht_port_trip_pin_low(port);", "bool allowed = true;",
         "trip cleared while its pin is low"),
     "start without a look at the trip pin": (
-        F28377S, "ht_drive.c",
+        F28377S, "ht_drive_commands.c",
         "    int leg;\n    if (ht_port_trip_pin_low(d->port)) {\n        return",
         "    int leg;\n    if (d == NULL) {\n        return", "a low trip pin refuses"),
     "clear without a look at the trip pin": (
-        F28335, "ht_drive.c",
+        F28335, "ht_drive_commands.c",
         "    if (ht_port_trip_pin_low(d->port)) {\n        return HT_ERROR_TRIP;\n    }\n"
         "    if ((d->state != (uint16_t)HT_STATE_FAULT)",
         "    if ((d->state != (uint16_t)HT_STATE_FAULT)",
@@ -595,8 +595,8 @@ CLOCK_FAULTS = {
         "HT_FAULT_CLOCK);\n    ht_watchdog_first(&ht_image_port);",
         "HT_FAULT_CLOCK);", "never", "no resets for ever"),
     "fault that can be cleared": (
-        F28335, "ht_drive.c", "(d->faults & (uint32_t)HT_FAULT_CLOCK) != 0u", "d->faults > 0xFFFEu",
-        "wrong", "clear is refused"),
+        F28335, "ht_drive_commands.c", "(d->faults & (uint32_t)HT_FAULT_CLOCK) != 0u",
+        "d->faults > 0xFFFEu", "wrong", "clear is refused"),
     "line at the usual rate": (
         F28377S, "ht_port_c2000.c", "ht_sci_start(port, EMERGENCY_BAUD)",
         "ht_sci_start(port, 9600u)", "wrong", "line runs at 115200 baud"),

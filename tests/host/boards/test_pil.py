@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import shorted_machine
 from campaigns import WHOLE, part
+from waiting import alive
 
 import hexatorque
 from hexatorque import firmware, setups
@@ -26,15 +27,6 @@ from hexatorque.evidence.studies import pil
 from hexatorque.setups import Profile
 
 SHORT = Profile(duration_s=0.2, speed_rpm=((0.11, 100.0),), samples_per_period=1)
-
-
-def alive(pid: int) -> bool:
-    """Whether the process runs; a process that has ended but was not waited for does not."""
-    try:
-        with open(f"/proc/{pid}/stat") as file:
-            return file.read().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 def gone(pid: int, within_s: float = 60.0) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from campaigns import WHOLE
 from forked import Forked
-from waiting import WAIT_S
+from waiting import WAIT_S, alive
 
 import hexatorque
 from hexatorque import firmware
@@ -74,15 +74,6 @@ def own_directory(tmp_path, monkeypatch):
 
 def process(*command):
     return Forked(command, pipes=("stdout", "stderr"))
-
-
-def alive(pid):
-    """Running, and not merely waiting to be asked for its status."""
-    try:
-        with open(f"/proc/{pid}/stat") as file:
-            return file.read().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 def until(what, within_s=WAIT_S):

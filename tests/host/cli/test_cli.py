@@ -345,7 +345,7 @@ def test_every_study_has_what_the_command_needs():
     from hexatorque.evidence.studies import KEEPING, STUDIES
 
     for name, file in STUDIES.items():
-        module = import_module(f"hexatorque.evidence.studies.{file}")
+        module = import_module(f".{file}", "hexatorque.evidence.studies")
         assert module.TITLE and module.study and module.grid and module.plot
         keeps = "folder" in inspect.signature(module.study).parameters
         assert keeps == (name in KEEPING)

@@ -3,10 +3,9 @@
 The goals: R_s 2 %, sigma L_s, L_xy and L_m 5 %, R_r 10 %, J 5 %, lost voltage 10 %.
 """
 
-import os
-
 import numpy as np
 import pytest
+from campaigns import SHARE
 
 from hexatorque import setups
 from hexatorque.commissioning import inductance, resistance, rotor, running, wiring
@@ -18,9 +17,6 @@ from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies import plates
 from hexatorque.plant.vsd import INVERSE, TRANSFORM
 from hexatorque.setups.loading import parse
-
-WHOLE = os.environ.get("HT_WHOLE", "") not in ("", "0")
-
 
 # -- arithmetic ------------------------------------------------------------------------------
 
@@ -218,7 +214,7 @@ def test_standstill_on_a_machine():
     assert sim.state == "idle"
 
 
-@pytest.mark.skipif(not WHOLE, reason="a whole commissioning: HT_WHOLE=1 runs it")
+@pytest.mark.skipif(not SHARE, reason="a whole commissioning: HT_WHOLE runs it")
 @pytest.mark.parametrize(("name", "load"), [("paper-a-feasible", "friction"), ("paper-b", "fan")])
 def test_whole_commissioning(name, load):
     set_up_of_machine = machine(

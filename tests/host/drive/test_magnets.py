@@ -2,14 +2,15 @@
 weakening, reversal, and the faults that only they have.
 """
 
+import at_point
 import numpy as np
 import pytest
+from at_point import SAMPLES, at
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.firmware import BUILD, CALIBRATE
-from hexatorque.setups import SetupError, parameters
-from hexatorque.setups.design import Design
+from hexatorque.setups import SetupError
 
 BUILT_IN = ("magnet-interior", "magnet-surface", "magnet-24v")
 #: A scheme of each law that is ready on the machine.
@@ -21,31 +22,12 @@ DRIVES = [
     ("magnet-24v", "db-dtfc"),
     ("magnet-24v", "foc-24"),
 ]
-ALIGNED_S = 5.0
-SAMPLES = 4
 
 
 def begun(name, scheme, start_deg=100.0, **more):
     """The drive as it runs after its alignment, and its design."""
     setup = setups.load(name).with_scheme(scheme, machine__start_deg=start_deg, **more)
-    drive = SimulatedDrive(setup, SAMPLES)
-    drive.start()
-    while drive.time_s < ALIGNED_S and drive.state in (CALIBRATE, BUILD):
-        drive.run(0.1, record=False)
-    return drive, Design(setup, parameters(setup).__getitem__)
-
-
-def at(drive, design, speed_pu, load_pu, seconds=0.5):
-    """Bring the drive to a point, and record it."""
-    drive.set("speed_ref_rpm", speed_pu * design.rated_rpm)
-    drive.run(0.6, record=False)
-    for share in np.linspace(0.1, 1, 10):
-        drive.set("load_Nm", share * load_pu * design.rated_Nm)
-        drive.run(0.1, record=False)
-    drive.run(seconds, record=False)
-    drive.discard()
-    drive.run(0.2)
-    return drive.take()
+    return at_point.begun(setup)
 
 
 def angle_error_deg(drive):

@@ -2,16 +2,14 @@
 x-y, operating points, lost phases, alignment, and what is refused.
 """
 
+import at_point
 import numpy as np
 import pytest
+from at_point import at
 
 from hexatorque import setups
-from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.errors import InputError
-from hexatorque.firmware import BUILD, CALIBRATE
 from hexatorque.plant.vsd import PHASES
-from hexatorque.setups import parameters
-from hexatorque.setups.design import Design
 
 #: A machine of each kind, both windings, each law.
 DRIVES = [
@@ -22,7 +20,7 @@ DRIVES = [
     ("magnet-interior", 0, "db-dtfc"),
     ("magnet-surface", 0, "dtc1"),
 ]
-SAMPLES = 4
+SETTLE_S = 0.7
 #: Phase current at rated torque, r.m.s.
 RATED_A = 2.3
 
@@ -32,24 +30,7 @@ def begun(name, displacement_deg, scheme, **more):
     setup = setups.load(name).with_scheme(
         scheme, machine__displacement_deg=displacement_deg, **more
     )
-    drive = SimulatedDrive(setup, SAMPLES)
-    drive.start()
-    while drive.time_s < 5 and drive.state in (CALIBRATE, BUILD):
-        drive.run(0.1, record=False)
-    return drive, Design(setup, parameters(setup).__getitem__)
-
-
-def at(drive, design, speed_pu, load_pu):
-    """Bring the drive to a point, and record it."""
-    drive.set("speed_ref_rpm", speed_pu * design.rated_rpm)
-    drive.run(0.6, record=False)
-    for share in np.linspace(0.1, 1, 10):
-        drive.set("load_Nm", share * load_pu * design.rated_Nm)
-        drive.run(0.1, record=False)
-    drive.run(0.7, record=False)
-    drive.discard()
-    drive.run(0.2)
-    return drive.take()
+    return at_point.begun(setup)
 
 
 @pytest.mark.parametrize("name, displacement_deg, scheme", DRIVES)
@@ -58,7 +39,7 @@ def test_no_current_in_xy_and_the_torque_is_known(name, displacement_deg, scheme
     rated amplitude. Estimated torque within 2 % of rated torque, speed within 0.5 %."""
     drive, design = begun(name, displacement_deg, scheme)
     for speed_pu, load_pu in ((0.03, 1), (0.3, -1), (0.9, 0.9), (-0.9, 0.4)):
-        rec = at(drive, design, speed_pu, load_pu)
+        rec = at(drive, design, speed_pu, load_pu, SETTLE_S)
         assert drive.state == "run", (drive.trip, speed_pu)
         xy_A = np.hypot(rec["plant.i_x_A"], rec["plant.i_y_A"])
         assert np.sqrt(np.mean(xy_A**2)) < 0.02 * design.rated_A, (speed_pu, load_pu)
@@ -77,7 +58,7 @@ def test_no_current_in_xy_and_the_torque_is_known(name, displacement_deg, scheme
 def test_a_phase_that_opens_is_named(name, displacement_deg, scheme, phase):
     """Two phases each share an axis in x-y. Their currents tell them apart."""
     drive, design = begun(name, displacement_deg, scheme)
-    at(drive, design, 0.3, 0.5)
+    at(drive, design, 0.3, 0.5, SETTLE_S)
     drive.break_leg(phase, "open")
     drive.run(0.03, record=False)
     assert drive.faults == ["phase lost"] and f"phase {phase} lost" in str(drive.trip)
@@ -95,7 +76,7 @@ def test_the_drive_goes_on_without_a_leg(displacement_deg, scheme, mode, phase):
         "symmetrical", displacement_deg, scheme,
         controller__ride_through=mode, controller__i_rated_A=RATED_A,
     )  # fmt: skip
-    at(drive, design, 0.3, 0.25)
+    at(drive, design, 0.3, 0.25, SETTLE_S)
     drive.break_leg(phase, "open")
     drive.run(1.5, record=False)
     assert drive.state == "run", drive.trip

@@ -2,16 +2,29 @@
 beside it."""
 
 import math
+import zipfile
 
 import numpy as np
 
 from hexatorque import firmware
 from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.fmu import controller
 
 LEGS = ("u1", "u2", "w1", "w2", "v1", "v2")
 STATUS = ("ok", "warning", "discard", "error")
 #: FMI's names of the types, in the order in which the outputs are read.
 TYPES = {2: ("Real", "Integer", "Boolean"), 3: ("Float64", "Int32", "Boolean", "Int64")}
+
+
+def made_once(kept, place, key, setup, *arguments, **named):
+    """Set-up, file and folder of an FMU by its key; arguments: of `controller.write`."""
+    if key not in kept:
+        path, folder = place / f"{len(kept)}.fmu", place / f"{len(kept)}"
+        controller.write(path, setup, *arguments, only_here=True, **named)
+        with zipfile.ZipFile(path) as archive:
+            archive.extractall(folder)
+        kept[key] = setup, path, folder
+    return kept[key]
 
 
 class Fmu:

@@ -1,22 +1,19 @@
 """The drive FMU, run by FMPy: channels and true values have the simulation's bits, with a broken
 leg and a changing load, and what it cannot do is refused in one line."""
 
-import zipfile
-
 import numpy as np
 import pytest
 import shorted_machine
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.fmu import controller
 from hexatorque.plant.loop import PLANT_CHANNELS
 from hexatorque.plant.vsd import inverse
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install fmpy")
 from fmpy.fmi1 import FMICallException  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
-from fmu_masters import LEGS, Fmu, same  # noqa: E402
+from fmu_masters import LEGS, Fmu, made_once, same  # noqa: E402
 
 SHORT = {"controller.calibration_s": 0.01, "controller.build_s": 0.1}
 ARC = {"inverter.arc_V": 25.0, "inverter.restrike_V_per_ms": 50.0, "inverter.bounce_ms": 2.0}
@@ -49,15 +46,9 @@ def made(request, tmp_path_factory):
     kept = {}
 
     def make(what="open leg"):
-        if what not in kept:
-            name, changes = SETUPS[what]
-            setup = setups.load(name).changed(SHORT | changes)
-            path, folder = place / f"{what}.fmu", place / what
-            controller.write(path, setup, "drive", request.param, only_here=True)
-            with zipfile.ZipFile(path) as archive:
-                archive.extractall(folder)
-            kept[what] = setup, path, folder
-        return kept[what]
+        name, changes = SETUPS[what]
+        setup = setups.load(name).changed(SHORT | changes)
+        return made_once(kept, place, what, setup, "drive", request.param)
 
     return make
 

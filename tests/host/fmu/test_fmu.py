@@ -5,7 +5,6 @@ import math
 import pickle
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +12,11 @@ import pytest
 import shorted_machine
 
 from hexatorque import firmware, setups
-from hexatorque.fmu import controller
 from hexatorque.results import waiting
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install fmpy")
 from fmpy.fmi1 import FMICallException  # noqa: E402
-from fmu_masters import LEGS, Fmu, Plant, registers_of, same  # noqa: E402
+from fmu_masters import LEGS, Fmu, Plant, made_once, registers_of, same  # noqa: E402
 
 #: A start that does not take long.
 SHORT = {"controller.calibration_s": 0.01, "controller.build_s": 0.1}
@@ -34,15 +32,8 @@ def made(request, tmp_path_factory):
     def make(name="paper-a", changes=None):
         changes = changes or {}
         key = (name, *sorted(changes.items()))
-        if key not in kept:
-            setup = setups.load(name).changed(SHORT | changes)
-            path = place / f"{len(kept)}.fmu"
-            controller.write(path, setup, version=request.param, only_here=True)
-            folder = place / f"{len(kept)}"
-            with zipfile.ZipFile(path) as archive:
-                archive.extractall(folder)
-            kept[key] = setup, path, folder
-        return kept[key]
+        setup = setups.load(name).changed(SHORT | changes)
+        return made_once(kept, place, key, setup, version=request.param)
 
     return make
 

@@ -1,7 +1,6 @@
 """`hexatorque fmu`: the page's commands, what is in the file, and mistakes in one line."""
 
 import ctypes
-import os
 import re
 import shlex
 import struct
@@ -11,6 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from campaigns import WHOLE
 
 from hexatorque import setups
 from hexatorque.cli.main import main
@@ -116,7 +116,7 @@ BEGINNINGS = {
 }
 
 
-@pytest.mark.skipif(not os.environ.get("HT_WHOLE"), reason="takes minutes: HT_WHOLE=1 runs it")
+@pytest.mark.skipif(not WHOLE, reason="takes minutes: HT_WHOLE=1 runs it")
 @pytest.mark.skipif(not controller.has_zig(), reason="pip install 'hexatorque[fmu]'")
 @pytest.mark.parametrize("version", (2, 3))
 def test_with_the_extra_there_are_binaries_for_other_systems(version, folder):

@@ -94,7 +94,7 @@ os.kill(os.getpid(), {"leaves": 0, "dies": signal.SIGKILL, "hangs": signal.SIGST
 @pytest.mark.parametrize("how", ["leaves", "dies"])
 def test_the_second_client_continues_without_the_first(board, how):
     """The port stays open, and no sample is lost."""
-    process = Forked(["-c", FIRST, board], pipes=("stdin", "stdout"))
+    process = Forked(["-c", SHOW, board, "shared"], pipes=("stdin", "stdout"))
     try:
         assert process.stdout.readline() == "False\n"
         with BoardDrive.open(board) as second, second.stream(["speed_rpm"], rate_Hz=500) as stream:
@@ -118,11 +118,12 @@ def test_the_second_client_continues_without_the_first(board, how):
         process.stdout.close()
 
 
-FIRST = """
+#: A client that prints an attribute of its transport and waits.
+SHOW = """
 import sys
 from hexatorque.drive.board import BoardDrive
 with BoardDrive.open(sys.argv[1]) as drive:
-    print(drive.client.transport.shared, flush=True)
+    print(getattr(drive.client.transport, sys.argv[2]), flush=True)
     sys.stdin.read()
 """
 
@@ -197,20 +198,11 @@ def test_the_server_is_named_and_ends_after_its_last_client(board):
 
 
 def test_many_clients_at_once_start_one_server(board):
-    processes = [Forked(["-c", SHOW, board], pipes=("stdin", "stdout")) for _ in range(4)]
+    processes = [Forked(["-c", SHOW, board, "pid"], pipes=("stdin", "stdout")) for _ in range(4)]
     pids = {process.stdout.readline() for process in processes}
     for process in processes:
         process.communicate()
     assert len(pids) == 1 and int(pids.pop())
-
-
-SHOW = """
-import sys
-from hexatorque.drive.board import BoardDrive
-with BoardDrive.open(sys.argv[1]) as drive:
-    print(drive.client.transport.pid, flush=True)
-    sys.stdin.read()
-"""
 
 
 def test_a_stop_goes_before_waiting_requests(board, first):

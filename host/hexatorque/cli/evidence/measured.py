@@ -113,7 +113,7 @@ def studies(names, quick, output, as_json) -> int:
     results = {}
     failures = []
     for name in names:
-        module = import_module(f"hexatorque.evidence.studies.{STUDIES[name]}")
+        module = import_module(f".{STUDIES[name]}", "hexatorque.evidence.studies")
         keeping = {"folder": output / RUNS} if name in KEEPING else {}
         with working(console, name) as work:
             results[name] = module.study(quick, work.advance, **keeping)

@@ -9,6 +9,7 @@ would use instead, on four machines, with torque steps, sags and wrong parameter
 
 methods: what is compared, and what is free in each; places: machines and operating points; bench:
 how a setting is measured; search: the settings that are tried, kept in files; steps: torque step,
-reversal, load step, sag; errors: wrong parameters; carrier: the analytic line of carrier
+reversal, load step, sag; errors: wrong parameters; variants: schemes at a fixed sampling frequency;
+dynamics, robustness: studies of their steps and errors; carrier: the analytic line of carrier
 modulation; judging: best settings, and sentences that follow from them; pictures: the fronts.
 """

@@ -13,12 +13,14 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
+from ...experiments.operating_points import NOT_MEASURED
 from ...firmware import FirmwareError
 from ...setups import SetupError
 from ..kept import Kept
@@ -37,6 +39,16 @@ QUICK_WINDOW_S = 0.1
 ANY_HZ = 1e9
 #: What a setting raises that the drive refuses.
 REFUSED = (SetupError, FirmwareError)
+
+
+def outcome(
+    measure: Callable[[], dict[str, float]], more: tuple[type[Exception], ...] = ()
+) -> tuple[dict[str, float], str]:
+    """The figures and "", or none and why the drive does not hold the point. more: of REFUSED."""
+    try:
+        return measure(), ""
+    except NOT_MEASURED + more as reason:
+        return {}, str(reason)
 
 
 @dataclass(frozen=True)

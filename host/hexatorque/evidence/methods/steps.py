@@ -15,14 +15,14 @@ import numpy as np
 
 from ...analysis.response import moving_mean, step_response
 from ...drive.simulated import SimulatedDrive
-from ...experiments.operating_points import NOT_MEASURED, Point, Progress, approach, follow
+from ...experiments.operating_points import Point, Progress, approach, follow
 from ...plant.vsd import PHASES
 from ...recording.recording import Recording
 from ..papers.engine.job import Job
 from . import bench
 from .methods import Method, controller
 from .places import Place
-from .search import REFUSED
+from .search import REFUSED, outcome
 
 #: Steps each way, and the time between them. It is no multiple of the speed loop's period, and the
 #: flux stands elsewhere at each step.
@@ -180,10 +180,9 @@ def run(
     test: str, method: Method, place: Place, row: Mapping[str, Any], job: Job
 ) -> dict[str, Any]:
     """The figures of a test; `lost`: why there are none."""
-    try:
-        found = TESTS[test](method, place, row, job)
-    except (*NOT_MEASURED, *REFUSED) as reason:
-        return {"lost": str(reason)}
+    found, lost = outcome(lambda: TESTS[test](method, place, row, job), REFUSED)
+    if lost:
+        return {"lost": lost}
     if not all(math.isfinite(value) for value in found.values()):
         return {"lost": "it does not come to the end of the step"}
     return found

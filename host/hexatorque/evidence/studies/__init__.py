@@ -7,7 +7,7 @@ limit; for studies that only measure, it returns nothing. A NOTE tells what the 
 are. The `study` of those in KEEPING has one more argument, `folder`.
 """
 
-#: Command-line name -> module, in the order of the chain: plant, firmware, drive.
+#: Command-line name -> module, from here, in the order of the chain: plant, firmware, drive.
 STUDIES = {
     "integration": "integration",
     "inverter": "inverter",
@@ -16,8 +16,8 @@ STUDIES = {
     "commissioning": "commissioning",
     "low-speed": "low_speed",
     "light-load": "light_load",
-    "dynamics": "dynamics",
-    "robustness": "robustness",
+    "dynamics": ".methods.dynamics",
+    "robustness": ".methods.robustness",
     "faults": "faults",
     "lost-phase": "lost_phase",
     "arcs": "arcs",
@@ -28,6 +28,6 @@ STUDIES = {
 
 #: Studies of hundreds of runs. Each run is kept in the folder as soon as it is there (`runs`), so
 #: an interrupted study goes on where it was.
-KEEPING = ("machines", "faults", "lost-phase", "arcs", "wrong-lxy")
+KEEPING = ("machines", "dynamics", "robustness", "faults", "lost-phase", "arcs", "wrong-lxy")
 #: The folder, in that of the results.
 RUNS = "runs"

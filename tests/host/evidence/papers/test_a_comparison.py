@@ -5,14 +5,8 @@ import numpy as np
 import pytest
 
 from hexatorque import setups
-from hexatorque.evidence.papers.engine.job import Job
 from hexatorque.evidence.papers.paper_a import common, sweeps, table4, what_if
 from hexatorque.experiments.operating_points import Point
-
-
-@pytest.fixture(scope="module")
-def job(tmp_path_factory):
-    return Job(True, tmp_path_factory.mktemp("points"))
 
 
 def test_leakage_sets_the_torque_step_and_with_it_the_switching(job):

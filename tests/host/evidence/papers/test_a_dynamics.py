@@ -6,17 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hexatorque.evidence.papers.engine.job import Job
 from hexatorque.evidence.papers.paper_a import dynamics, steps
 from hexatorque.recording.recording import Recording
 
 INERTIA = 0.03
 FRICTION = 0.0033
-
-
-@pytest.fixture(scope="module")
-def job(tmp_path_factory):
-    return Job(True, tmp_path_factory.mktemp("points"))
 
 
 @pytest.fixture(scope="module")

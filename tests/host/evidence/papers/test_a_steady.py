@@ -6,13 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from hexatorque.evidence.papers.engine.job import Job
 from hexatorque.evidence.papers.paper_a import common, inflight, steady
-
-
-@pytest.fixture(scope="module")
-def job(tmp_path_factory):
-    return Job(True, tmp_path_factory.mktemp("points"))
 
 
 @pytest.fixture(scope="module")

@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 
-from hexatorque.evidence.papers.engine.job import Job
 from hexatorque.evidence.papers.paper_b import dynamics
 from hexatorque.evidence.papers.paper_b.dynamics import SPEED_STEP, response
 from hexatorque.recording.recording import Recording
-
-
-@pytest.fixture(scope="module")
-def job(tmp_path_factory):
-    return Job(True, tmp_path_factory.mktemp("points"))
 
 
 def test_response_of_a_known_speed():

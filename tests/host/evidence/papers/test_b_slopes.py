@@ -4,7 +4,6 @@ vector is on the legs."""
 import numpy as np
 import pytest
 
-from hexatorque.evidence.papers.engine.job import Job
 from hexatorque.evidence.papers.paper_b import slopes
 from hexatorque.evidence.papers.paper_b.common import setup
 from hexatorque.evidence.papers.paper_b.slopes import PER_PERIOD, gate_states, torque_slope
@@ -96,8 +95,8 @@ def test_slopes_leave_out_edges_and_dead_time():
 
 
 @pytest.fixture(scope="module")
-def figure(tmp_path_factory):
-    return slopes.b7(Job(True, tmp_path_factory.mktemp("points")))
+def figure(job):
+    return slopes.b7(job)
 
 
 def test_rises_and_falls_balance(figure):

@@ -3,18 +3,12 @@
 import numpy as np
 import pytest
 
-from hexatorque.evidence.papers.engine.job import Job
 from hexatorque.evidence.papers.paper_a import duties
 
 PHASES = ("u1", "u2", "w1", "w2", "v1", "v2")
 ANGLE = np.deg2rad([0, 30, 120, 150, 240, 270])
 LARGE = (48, 56, 60, 28, 12, 14, 15, 7, 3, 35, 51, 49)
 TMVCL = np.sqrt(2) * (1 - np.sqrt(3) / 2) * 2 / 3 * np.cos(5 * np.pi / 12)  # eqs. (20), (21)
-
-
-@pytest.fixture(scope="module")
-def job(tmp_path_factory):
-    return Job(True, tmp_path_factory.mktemp("points"))
 
 
 def complex_planes(legs):

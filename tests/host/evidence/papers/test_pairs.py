@@ -14,8 +14,8 @@ AB = np.array([[w >> b & 1 for b in range(5, -1, -1)] for w in range(64)]) @ np.
 
 
 @pytest.fixture(scope="module")
-def figure(tmp_path_factory):
-    return pairs.b6(Job(True, tmp_path_factory.mktemp("points")))
+def figure(job):
+    return pairs.b6(job)
 
 
 def test_there_are_24_pairs_at_their_angles(figure):

@@ -7,12 +7,6 @@ import pytest
 from hexatorque import setups
 from hexatorque.evidence.papers.both import parameters
 from hexatorque.evidence.papers.engine import measured
-from hexatorque.evidence.papers.engine.job import Job
-
-
-@pytest.fixture(scope="module")
-def job(tmp_path_factory):
-    return Job(True, tmp_path_factory.mktemp("points"))
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ SAMPLES = 200
 
 
 @pytest.fixture(scope="module")
-def figure(tmp_path_factory):
-    return sequences.a2(Job(True, tmp_path_factory.mktemp("points")))
+def figure(job):
+    return sequences.a2(job)
 
 
 def test_every_leg_follows_its_sequence(figure):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from hexatorque.evidence.papers.engine import audit as audit_module
-from hexatorque.evidence.papers.engine.job import Job
 from hexatorque.evidence.papers.paper_b import tables
 
 ANGLE = np.deg2rad([0, 30, 120, 150, 240, 270])
@@ -15,11 +14,6 @@ BITS = np.array([[w >> b & 1 for b in range(5, -1, -1)] for w in range(64)])
 AB, XY = (BITS @ np.exp(n * 1j * ANGLE) / 3 for n in (1, 5))
 LENGTH = {"large": 0.643951, "medium": 0.471405, "small": 0.172546}
 FIGURES = {"b_t1": "dtc1", "b_t2": "dtc2", "b_t4": "dtc3"}
-
-
-@pytest.fixture(scope="module")
-def job(tmp_path_factory):
-    return Job(True, tmp_path_factory.mktemp("points"))
 
 
 @pytest.fixture(scope="module")

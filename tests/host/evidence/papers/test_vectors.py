@@ -5,17 +5,11 @@ import numpy as np
 import pytest
 
 from hexatorque.evidence.papers.both import vectors
-from hexatorque.evidence.papers.engine.job import Job
 
 PHASES = ("u1", "u2", "w1", "w2", "v1", "v2")
 ANGLE = np.deg2rad([0, 30, 120, 150, 240, 270])
 BITS = np.array([[w >> b & 1 for b in range(5, -1, -1)] for w in range(64)])
 VDC = 250.0
-
-
-@pytest.fixture(scope="module")
-def job(tmp_path_factory):
-    return Job(True, tmp_path_factory.mktemp("points"))
 
 
 @pytest.fixture(scope="module", params=["a1", "b2"])

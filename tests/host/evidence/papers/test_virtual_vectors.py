@@ -14,8 +14,8 @@ AB = BITS @ np.exp(1j * ANGLE) / 3
 
 
 @pytest.fixture(scope="module")
-def figure(tmp_path_factory):
-    return virtual_vectors.a_t2(Job(True, tmp_path_factory.mktemp("points")))
+def figure(job):
+    return virtual_vectors.a_t2(job)
 
 
 def test_rows_are_three_consecutive_large_vectors(figure):

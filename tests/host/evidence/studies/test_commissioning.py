@@ -1,7 +1,7 @@
 """The study of commissioning: what it calls true is the set-up's, and it sees what is wrong."""
 
 import pytest
-from campaigns import WHOLE
+from campaigns import SHARE
 
 from hexatorque import setups
 from hexatorque.evidence.studies import commissioning as study
@@ -104,7 +104,7 @@ def test_a_mistake_on_a_machine():
     assert found["named"] and 0 < found["largest_pu"] < 1
 
 
-@pytest.mark.skipif(not WHOLE, reason="commissions two machines: HT_WHOLE=1 runs it")
+@pytest.mark.skipif(not SHARE, reason="commissions two machines: HT_WHOLE runs it")
 def test_quick_study():
     result = study.study(quick=True)
     assert study.failures(result) == []

@@ -8,18 +8,17 @@ are made in speed mode.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from ...experiments.operating_points import NOT_MEASURED, Point, Progress, approach
-from ...parallel import each
-from ..methods import steps
-from .grids import Grid
-from .robustness import VARIANTS, Variant
+from ...experiments.operating_points import Point, Progress, approach
+from ..studies.grids import Grid
+from ..studies.runs import each
+from . import steps
+from .search import outcome
+from .variants import VARIANTS, Variant
 
 TITLE = "Dynamics: torque steps, reversal, load step, sag of the dc link"
 NOTE = (
@@ -63,39 +62,43 @@ def torque_steps(
     return steps.back_and_forth(sim, high, low, progress)
 
 
+#: Test, variant, set-up, speed, and both torques; without a torque step the load is the second.
+Case = tuple[str, Variant, str, float, float, float]
 TESTS = {"reversal": steps.reversal, "load step": steps.load_step, "sag": steps.sag}
 
 
-def _run(
-    test: str, variant: Variant, name: str, speed: float, measure: Callable[[], dict[str, float]]
-) -> Row:
-    figures: dict[str, float] = {}
-    lost = ""
-    try:
-        figures = measure()
-    except NOT_MEASURED as reason:
-        lost = str(reason)
-    return Row(test, name, speed, variant.label, figures, lost)
+def _row(case: Case, progress: Progress) -> dict:
+    test, variant, name, speed, low, high = case
+
+    def figures() -> dict[str, float]:
+        if test not in TESTS:
+            return torque_steps(variant, name, speed, low, high, progress)
+        at = Point(variant.setup(name, load__kind="constant"), speed, high)
+        return TESTS[test](at, progress)
+
+    return asdict(Row(test, name, speed, variant.label, *outcome(figures)))
 
 
-def study(quick: bool = False, progress: Progress | None = None) -> dict:
-    """Every test under every variant. quick: one torque step, one load step."""
-    cases = [
-        (f"{low:g} ↔ {high:g} N m", v, name, speed,
-         partial(torque_steps, v, name, speed, low, high, progress))
+def study(
+    quick: bool = False, progress: Progress | None = None, folder: Path | None = None
+) -> dict:
+    """Every test under every variant. quick: one torque step, one load step. folder: of `runs`."""
+    tests = [
+        (f"{low:g} ↔ {high:g} N m", name, speed, low, high)
         for name, speed, low, high in (TORQUE_STEPS[-2:-1] if quick else TORQUE_STEPS)
-        for v in VARIANTS
-    ]  # fmt: skip
-    cases += [
-        (test, v, name, speed,
-         partial(function, Point(v.setup(name, load__kind="constant"), speed, load), progress))
+    ]
+    tests += [
+        (test, name, speed, 0.0, load)
         for name, speed, load in (RATED[-1:] if quick else RATED)
-        for test, function in TESTS.items()
+        for test in TESTS
         if not quick or test == "load step"
+    ]
+    cases: list[Case] = [
+        (test, v, name, speed, low, high)
+        for test, name, speed, low, high in tests
         for v in VARIANTS
-    ]  # fmt: skip
-    rows = each(lambda case: _run(*case), cases)
-    return {"quick": quick, "rows": [asdict(row) for row in rows]}
+    ]
+    return {"quick": quick, "rows": each(_row, cases, folder, progress)}
 
 
 def _by_test(result: dict) -> dict[tuple[str, str, float], dict[str, dict]]:

@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.evidence.studies import robustness
-from hexatorque.evidence.studies.robustness import (
+from hexatorque.evidence.methods import robustness
+from hexatorque.evidence.methods.robustness import (
     ERRORS,
     MACHINE_ERRORS,
     PARTS,
     POINTS,
-    VARIANTS,
     Error,
-    Variant,
 )
+from hexatorque.evidence.methods.variants import VARIANTS, Variant
 from hexatorque.experiments.prepare import other_dead_time
 from hexatorque.plant.legs import OFF
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from hexatorque.evidence.studies import dynamics
-from hexatorque.evidence.studies.robustness import VARIANTS, Variant
+from hexatorque.evidence.methods import dynamics
+from hexatorque.evidence.methods.variants import VARIANTS, Variant
 
 
 @pytest.mark.parametrize("step", dynamics.TORQUE_STEPS[-2:-1])

@@ -12,22 +12,22 @@ Each error acts alone, in steady state. All schemes run with predicted latency. 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from ... import setups
 from ...experiments.operating_points import (
-    NOT_MEASURED,
     Point,
     Progress,
     fine_samples,
     measure,
 )
 from ...experiments.prepare import other_dead_time
-from ...parallel import each
-from ..methods.places import PLACES
-from .grids import Grid
+from ..studies.grids import Grid
+from ..studies.runs import each
+from .places import PLACES
+from .search import outcome
+from .variants import VARIANTS, Variant
 
 TITLE = "Robustness: errors of parameters, sensors and inverter"
 NOTE = "Td [N m] · THD∞ [%] · ΔI [mA]"
@@ -46,40 +46,6 @@ TRIPS = {("large-110kw", "R_r × 0.7")}
 WRONG_SHARE = 1.2
 
 
-@dataclass(frozen=True)
-class Variant:
-    """A scheme at a sampling frequency. thd_share: of `db-ipwm`."""
-
-    scheme: str
-    f_isr_Hz: float = 10e3
-    thd_share: float = 0.0
-
-    @property
-    def label(self) -> str:
-        at = "" if self.f_isr_Hz == 10e3 else f", {self.f_isr_Hz / 1e3:g} kHz"
-        return f"{self.scheme}{at}{f', thd_share {self.thd_share:g}' if self.thd_share else ''}"
-
-    @property
-    def ours(self) -> bool:
-        return self.scheme == "db-dtfc"
-
-    def setup(self, name: str, **changes: object) -> setups.Setup:
-        return setups.load(name).with_scheme(
-            self.scheme,
-            controller__f_isr_Hz=self.f_isr_Hz,
-            controller__thd_share=self.thd_share,
-            timing__latency="predicted",
-            **changes,
-        )
-
-
-VARIANTS = (
-    Variant("dtc1"),
-    Variant("dtc3"),
-    Variant("ddr"),
-    Variant("db-dtfc"),
-    Variant("db-dtfc", 5e3),
-)
 INTERLEAVED = Variant("db-ipwm", 20e3)
 MODULATED = (Variant("db-dtfc"), Variant("foc"), INTERLEAVED, replace(INTERLEAVED, thd_share=1.0))
 
@@ -192,6 +158,10 @@ class Row:
     part: int = 0
 
 
+#: Number of the part, point, error, variant.
+Case = tuple[int, tuple[str, float, float], Error, Variant]
+
+
 def wrong_setup(name: str, error: Error, variant: Variant) -> setups.Setup:
     right = variant.setup(name)
     changes = dict(error.changes)
@@ -215,20 +185,25 @@ def run(
     except setups.SetupError as refused:
         return Row(name, speed, load, error.name, variant.label, {}, f"{REFUSED}{refused}")
     prepare = other_dead_time(error.dead_us) if error.dead_us else None
-    figures: dict[str, float] = {}
-    lost = ""
-    try:
+
+    def metrics() -> dict[str, float]:
         at = Point(setup, speed, load)
-        metrics = measure(at, progress, fine_samples(setup), prepare).metrics
-        figures = {key: metrics[key] for key in FIGURES}
-    except NOT_MEASURED as reason:
-        lost = str(reason)
-    return Row(name, speed, load, error.name, variant.label, figures, lost)
+        found = measure(at, progress, fine_samples(setup), prepare).metrics
+        return {key: found[key] for key in FIGURES}
+
+    return Row(name, speed, load, error.name, variant.label, *outcome(metrics))
 
 
-def study(quick: bool = False, progress: Callable[[float], None] | None = None) -> dict:
-    """Every part. quick: few errors, at the last of the papers' points."""
-    cases = [
+def _row(case: Case, progress: Progress) -> dict:
+    number, point, error, variant = case
+    return asdict(replace(run(point, error, variant, progress), part=number))
+
+
+def study(
+    quick: bool = False, progress: Progress | None = None, folder: Path | None = None
+) -> dict:
+    """Every part. quick: few errors, at the last of the papers' points. folder: of `runs`."""
+    cases: list[Case] = [
         (number, point, error, variant)
         for number, part in enumerate(PARTS)
         for point in (POINTS[-1:] if quick else part.points)
@@ -236,8 +211,7 @@ def study(quick: bool = False, progress: Callable[[float], None] | None = None) 
         if not quick or error.name in QUICK_ERRORS
         for variant in part.variants
     ]
-    rows = each(lambda c: replace(run(*c[1:], progress), part=c[0]), cases)
-    return {"quick": quick, "rows": [asdict(row) for row in rows]}
+    return {"quick": quick, "rows": each(_row, cases, folder, progress)}
 
 
 def _by_point(result: dict, part: int) -> dict[tuple, dict[str, dict[str, dict]]]:

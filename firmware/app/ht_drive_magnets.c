@@ -1,0 +1,77 @@
+/* The references of a machine with magnets in RUN. */
+#include "ht_drive_slow.h"
+
+#include <stddef.h>
+
+/* With magnets: the largest flux that the voltage turns with this torque and the parameter allows, but no
+ * less than the current can lower it to. */
+static float most_flux_Wb(const ht_drive *d, const ht_drive_config *c, float most_A,
+                          float torque_Nm)
+{
+    const ht_magnet_config *m = &c->control.observer.magnet;
+    float least_Wb = m->psi_f_Wb - m->ld_H * most_A;
+    float most_Wb = c->params.v[HT_P_flux_ref_Wb];
+    if (c->params.v[HT_P_field_weakening] != 0.0f) {
+        float turned_Wb = ht_magnet_turned_Wb(
+            c->flux.reach_pu * d->in.vdc_V, d->control.observer.omega_sync_rad_s,
+            d->control.observer.rs_ohm, torque_Nm, m->torque_gain);
+        most_Wb = ht_smaller(turned_Wb, most_Wb);
+    }
+    least_Wb = (least_Wb > c->flux.flux_min_Wb) ? least_Wb : c->flux.flux_min_Wb;
+    return (most_Wb > least_Wb) ? most_Wb : least_Wb;
+}
+
+/* Each halves the range in which the torque limit is searched for. */
+#define LIMIT_ROUNDS 8
+
+/* With magnets: the largest torque whose own flux lets it be. More torque takes more of the voltage and
+ * leaves less flux, so that a limit at the flux of the torque before would swing from tick to tick. */
+static ht_limit magnet_limit(const ht_drive *d, const ht_drive_config *c, float most_A)
+{
+    ht_limit limit = {0.0f, (uint16_t)HT_LIMIT_CURRENT};
+    const ht_magnet_config *m = &c->control.observer.magnet;
+    float sign = (d->torque_ref_Nm < 0.0f) ? -1.0f : 1.0f;
+    float most_Nm = c->params.v[HT_P_torque_limit_Nm];
+    float step_Nm;
+    float limit_Nm = 0.0f;
+    int n;
+    if (c->params.v[HT_P_field_weakening] != 0.0f) {
+        most_Nm = ht_smaller(ht_magnet_driven_Nm(c->flux.reach_pu * d->in.vdc_V,
+                                                 sign * d->control.observer.omega_sync_rad_s,
+                                                 d->control.observer.rs_ohm, m->torque_gain),
+                             most_Nm);
+    }
+    step_Nm = most_Nm;
+    for (n = 0; n <= LIMIT_ROUNDS; n++) {
+        float tried_Nm = limit_Nm + step_Nm;
+        float flux_Wb = most_flux_Wb(d, c, most_A, sign * tried_Nm);
+        if ((tried_Nm <= most_Nm) && (ht_magnet_most_Nm(m, most_A, flux_Wb) >= tried_Nm)) {
+            limit_Nm = tried_Nm;
+        }
+        step_Nm *= 0.5f;
+    }
+    limit.most_Nm = limit_Nm;
+    if (limit_Nm >= c->params.v[HT_P_torque_limit_Nm]) {
+        limit.by = (uint16_t)HT_LIMIT_TORQUE;
+    } else if (limit_Nm >= most_Nm) {
+        limit.by = (uint16_t)HT_LIMIT_VOLTAGE;
+    } else {
+        /* the current, at the flux that the voltage leaves */
+    }
+    return limit;
+}
+
+void ht_drive_refer_magnets(ht_drive *d, const ht_drive_config *c)
+{
+    const ht_magnet_config *m = &c->control.observer.magnet;
+    float most_A = ht_derated_most_A(&c->derating, NULL, d->in.vdc_V, m->psi_f_Wb);
+    ht_limit limit;
+    float most_Wb;
+    limit = magnet_limit(d, c, most_A);
+    d->torque_limited_by = limit.by;
+    d->torque_limit_Nm = d->heat_share * limit.most_Nm;
+    ht_drive_follow_reference(d, c);
+    most_Wb = most_flux_Wb(d, c, most_A, d->torque_ref_Nm);
+    d->flux_ref_Wb =
+        ht_smaller(ht_magnet_flux_Wb(m, ht_magnet_least_A(m, d->torque_ref_Nm)), most_Wb);
+}
