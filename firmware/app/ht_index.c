@@ -28,10 +28,10 @@ static int32_t off_counts(const ht_index_config *cfg, const ht_index_state *st, 
 
 static void take(const ht_index_config *cfg, ht_index_state *st, uint32_t position)
 {
-    int32_t near = (int32_t)cfg->near_counts;
+    int32_t most = (int32_t)cfg->near_counts;
     int32_t off = st->seen ? off_counts(cfg, st, position) : 0;
-    bool agrees = (off <= near) && (off >= -near);
-    if (!agrees || !st->seen) {
+    bool agrees = (off <= most) && (off >= -most);
+    if (!agrees) {
         off = 0;
     }
     st->newest = position;
