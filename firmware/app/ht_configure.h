@@ -52,10 +52,10 @@ typedef struct {
     ht_params params; /**< the parameters that all this is derived from */
     ht_excitation_config excitation;
     ht_alignment_config alignment; /**< of a rotor with magnets */
-    ht_index_config index;
     ht_short_circuit_config short_circuit;
     ht_outputs_config outputs;
     ht_ntc_config ntc[HT_SLOW_CHANNELS];
+    ht_index_config index;
 } ht_drive_config;
 
 /** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,

@@ -626,7 +626,8 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
     if p("rotor_start") == "index" and d.setup["sensors.encoder_index_deg"] == 0:
         yield Finding(
             "encoder without an index", 0.0, "", 0.0, "", "bad",
-            "controller.rotor_start = index needs one: sensors.encoder_index_deg above 0, 360 at most",
+            "controller.rotor_start = index needs one: sensors.encoder_index_deg must be above 0, "
+            "360 at most",
         )  # fmt: skip
     if _short_circuits(d):
         yield _told(

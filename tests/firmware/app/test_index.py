@@ -1,5 +1,6 @@
-"""The index pulse is compared with an encoder that turns count by count: its line is high over a few
-counts of each revolution, and its counter may slip."""
+"""The index pulse is compared with an encoder that turns count by count: its line is high over a
+few counts of each revolution, and its counter may slip.
+"""
 
 import pytest
 from campaigns import examples
@@ -14,7 +15,7 @@ NEAR = 4 + COUNTS_REV // (POLE_PAIRS * 72)
 
 
 class Encoder:
-    """`first`: what the counter shows at the beginning; `at`, `width`: where the index line is high,
+    """first: what the counter shows at the beginning; at, width: where the index line is high,
     counts of the shaft."""
 
     def __init__(self, first=0, at=100, width=1):
