@@ -5,7 +5,7 @@
 #   make test          the tests that need nothing else; HT_WHOLE=1 runs every case of the campaigns
 #   make test-quick    the quick ones of these, for while you edit
 #   make test-targets  the others: emulated processors, browser, static checks; names missing tools
-#   make test-windows  the wheel for Windows under wine: C tests, recordings, a board
+#   make test-windows  the wheel for Windows under wine; test-windows-quick: C tests, bits of recordings and FMUs
 #   make test-fresh    demo and test on two fresh Debians, as a new user does them; needs root
 #   make budget        the firmware's instructions, stack and size, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
@@ -40,7 +40,7 @@ MUTANTS ?= 1000
 MUTANTS_PYTHON ?= 600
 
 .PHONY: help demo papers papers-quick test test-computes test-waits test-quick test-c test-targets \
-  test-fresh test-windows dist budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs web lint format check-c clean
+  test-fresh test-windows test-windows-quick dist budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs web lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
@@ -182,17 +182,18 @@ bench-peers: $(VENV)/.installed
 
 # Missing tools are installed first. The first build takes ten minutes: zig compiles each system's C
 # library.
-dist-tools = $(BIN)/python -c 'import twine, ziglang' 2>/dev/null || \
+dist-tools = $(BIN)/python -c 'import rattler_build, twine, ziglang' 2>/dev/null || \
   HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}dist tools/setup.sh $(VENV)
 dist: $(VENV)/.installed
 	@$(dist-tools)
 	$(BIN)/python tools/wheels.py
 
-test-windows: $(VENV)/.installed
+test-windows test-windows-quick: $(VENV)/.installed
 	@$(dist-tools)
 	@command -v wine >/dev/null || tools/setup-wine.sh
 	$(BIN)/python tools/windows.py
-	HT_WINDOWS=1 $(BIN)/python -m pytest -o cache_dir=build/pytest/windows tests/windows
+	HT_WINDOWS=1 $(BIN)/python -m pytest -o cache_dir=build/pytest/windows tests/windows \
+	  $(if $(filter %-quick,$@),-k bits)
 
 # A broken link is an error. Missing tools are installed first.
 docs-tools = $(BIN)/python -c 'import latex2mathml, material, minify, mkdocstrings, nbclient, ziglang, zopfli' 2>/dev/null || \

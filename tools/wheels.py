@@ -5,8 +5,9 @@
 
 Wheels differ in the firmware's library only. zig compiles it for every system from the sources in
 the sdist. What is checked: `twine check`; each system's compiler lays structures out as cffi does;
-each library has every name that Python asks for; and in an empty environment, without a compiler,
-the wheel for this computer installs and the tutorial runs.
+each library has every name that Python asks for; the recipe for conda can be read and has the
+package's version and dependencies; and in an empty environment, without a compiler, the wheel for
+this computer installs and the tutorial runs.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import venv
 from pathlib import Path
 from typing import Any
@@ -23,6 +25,7 @@ from typing import Any
 import layout
 from wheel.wheelfile import WheelFile
 
+import hexatorque
 from hexatorque import system
 from hexatorque._firmware import ffi, lib
 from hexatorque.chips import EXACT
@@ -48,7 +51,9 @@ def run(*words: str | Path, **more: Any) -> None:
 
 
 def zig(name: str, *words: str | Path) -> None:
-    run(sys.executable, "-m", "ziglang", "cc", "-target", SYSTEMS[name][0], *words)
+    """In a folder below the tree: above zig's own files their paths are other ones, and zig
+    compiles the C library again."""
+    run(sys.executable, "-m", "ziglang", "cc", "-target", SYSTEMS[name][0], *words, cwd=WORK)
 
 
 def compiled(name: str, source: Path, folder: Path) -> bytes:
@@ -61,7 +66,6 @@ def compiled(name: str, source: Path, folder: Path) -> bytes:
     words: list[str | Path] = [
         *EXACT,
         "-O3",
-        "-s",
         "-shared",
         "-DHT_GATES_ACTIVE_LOW=0",
         *include,
@@ -74,7 +78,7 @@ def compiled(name: str, source: Path, folder: Path) -> bytes:
         exports.write_text("\n".join(["EXPORTS", *rows, ""]), encoding="ascii")
         words.append(exports)
     else:
-        words.append("-fPIC")
+        words += ["-fPIC", "-s"]  # without -s the C library is that of the C tests
     zig(name, *words, *sources, "-lm")
     check = folder / name / "layout.c"
     check.write_text(layout.source(), encoding="utf-8")
@@ -125,6 +129,23 @@ def try_out(wheel: Path, folder: Path) -> None:
     run(python, "-m", "pytest", "-q", "-p", "no:cacheprovider", TUTORIAL, cwd=ROOT, env=alone)
 
 
+def check_recipe() -> None:
+    """Let conda's builder read the recipe, and compare it with the package."""
+    from rattler_build import Stage0Recipe, VariantConfig
+
+    recipe = Stage0Recipe.from_file(ROOT / "conda" / "recipe.yaml")
+    chosen = {"python": ["3.11"], "c_compiler": ["gcc"], "c_stdlib": ["sysroot"]}
+    (variant,) = recipe.render(VariantConfig(chosen))
+    found = variant.recipe.to_dict()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    # What pip calls matplotlib has a graphical toolkit there.
+    listed = [row.replace("matplotlib>", "matplotlib-base>") for row in project["dependencies"]]
+    listed.append(f"python{project['requires-python']}")
+    told = [row.replace(" ", "") for row in found["requirements"]["run"]]
+    if found["package"]["version"] != hexatorque.__version__ or sorted(told) != sorted(listed):
+        raise SystemExit("wheels: conda/recipe.yaml has another version or other dependencies")
+
+
 def main(names: list[str]) -> int:
     for name in names:
         if name not in SYSTEMS:
@@ -147,6 +168,7 @@ def main(names: list[str]) -> int:
         print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1e6:.1f} MB", flush=True)
     made = [sdist, *DIST.glob("*.whl")]
     run(sys.executable, "-m", "twine", "check", "--strict", *made)
+    check_recipe()
     ours = [name for name in names or SYSTEMS if SYSTEMS[name][0] == system.zig_target()]
     for name in ours:
         (wheel,) = DIST.glob(f"*{SYSTEMS[name][1]}.whl")

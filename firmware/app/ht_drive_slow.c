@@ -164,7 +164,8 @@ void ht_drive_slow_isr(ht_drive *d)
                                 d->speed_rpm / c->protect.rpm_per_rad_s);
     }
     if (d->state == (uint16_t)HT_STATE_RUN) {
-        faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
+        faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm,
+                                 d->in.inv_flux_ref2);
         d->slow_faults = faults | lasting;
         if (c->control.observer.magnets) {
             ht_leg_loss_tolerate(&d->control.leg_loss, c->params.v[HT_P_rs_ohm],

@@ -21,6 +21,7 @@ void ht_protect_reset(ht_protect_state *st)
     st->i_A.alpha = 0.0f;
     st->i_A.beta = 0.0f;
     st->estimated_rpm = 0.0f;
+    st->flux_short = 0.0f;
     st->speed_error_rpm = 0.0f;
     st->counts_quick = 0.0f;
     st->counts_slow = 0.0f;
@@ -216,8 +217,27 @@ static uint16_t magnets_slow(const ht_protect_config *cfg, ht_protect_state *st,
     return flux_beyond(cfg, st, off2);
 }
 
+/* A flux that is shorter than this share of its reference has no speed that could be told; squared. */
+#define LEAST_FLUX2 0.04f
+
+/* Electrical speed of the flux. */
+static float flux_rad_s(const ht_protect_config *cfg, ht_protect_state *st,
+                        const ht_control_state *c, float inv_flux_ref2)
+{
+    ht_ab psi = c->estimate.psi_Wb;
+    float is_short = 1.0f - inv_flux_ref2 * (psi.alpha * psi.alpha + psi.beta * psi.beta);
+    float was = st->flux_short;
+    float now = was + cfg->short_gain * (is_short - was);
+    float length2 = 1.0f;
+    st->flux_short = now;
+    if ((was * now) > 0.0f) { /* both are on one side of the reference */
+        length2 = 1.0f - ((fabsf(now) < fabsf(was)) ? now : was);
+    }
+    return c->observer.omega_sync_rad_s / ((length2 > LEAST_FLUX2) ? length2 : LEAST_FLUX2);
+}
+
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
-                         const ht_control_state *c, float speed_rpm)
+                         const ht_control_state *c, float speed_rpm, float inv_flux_ref2)
 {
     ht_ab i = c->observer.i_A;
     uint16_t faults = 0u;
@@ -230,7 +250,7 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     }
     follow(cfg, st, r, i);
     if (r2 != 0.0f) {
-        float estimated = cfg->rpm_per_rad_s * (c->observer.omega_sync_rad_s - slip / r2);
+        float estimated = cfg->rpm_per_rad_s * (flux_rad_s(cfg, st, c, inv_flux_ref2) - slip / r2);
         off = speed_rpm - estimated + cfg->estimate_back * (estimated - st->estimated_rpm);
         st->estimated_rpm = estimated;
         st->speed_error_rpm += cfg->encoder_gain * (off - st->speed_error_rpm);

@@ -34,6 +34,7 @@ typedef struct {
     float estimate_back;    /**< lag of the measured speed behind the flux's, slow periods; below 0
                              *   the flux's is the later one */
     float encoder_gain;     /**< low-pass gain of `encoder_trip_rpm` per slow interrupt */
+    float short_gain;       /**< the same of the flux's length: it is as old as the flux's speed */
     bool magnets;
     float inv_psi_f;    /**< 1 / flux linkage of the magnets */
     float counts_quick; /**< low-pass gains of the encoder's counts per fast interrupt */
@@ -50,8 +51,9 @@ typedef struct {
     float rotor_now_Wb;      /**< the rotor flux itself */
     ht_ab i_A;               /**< low pass of the current along and across the rotor flux */
     float estimated_rpm;     /**< of the slow interrupt before */
-    float speed_error_rpm;   /**< mean of measured minus estimated speed */
-    float counts_quick;      /**< with magnets: means of the encoder's counts in a period */
+    float flux_short; /**< 1 less the low pass of the flux's length over its reference, squared */
+    float speed_error_rpm; /**< mean of measured minus estimated speed */
+    float counts_quick;    /**< with magnets: means of the encoder's counts in a period */
     float counts_slow;
 } ht_protect_state;
 
@@ -98,8 +100,12 @@ void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
  *
  *  Encoder: the speed of the shaft is the speed of the flux minus the slip. Both are compared
  *  for the same instant: otherwise a drive that accelerates would look like one with a wrong
- *  encoder. */
+ *  encoder. The observer divides by the flux reference, `inv_flux_ref2` is 1 over its square. A flux that the
+ *  voltage keeps away from it turns faster than the observer tells, so the length is taken into account,
+ *  through a low pass like that of the speed. Of this and the value before, the one nearer to the
+ *  reference counts: then the speed lies between the observer's and the true one while the length
+ *  changes, and a step of the flux is no fault that it was not without the length. */
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
-                         const ht_control_state *c, float speed_rpm);
+                         const ht_control_state *c, float speed_rpm, float inv_flux_ref2);
 
 #endif

@@ -14,8 +14,9 @@
 #define FULL_PU2 0.1225f
 /* Share of its room that a pulse may move by, on either side of the middle. */
 #define ROOM_SHARE 0.45f
-/* Of the slope, what one leg in three goes. */
+/* Of the slope, what one leg in three goes. `pull` gives the slope over this factor. */
 #define SLOPE 6.0f
+#define PULL 0.75f
 /* What a position moves by in a half, at most: 0.025 at a carrier of 4 kHz. */
 #define CAP_HZ 100.0f
 #define CAP_MOST 0.06f
@@ -32,13 +33,15 @@
 
 /* Legs of a set. The first lies at 0 or 270 degrees, the others 120 and 240 behind. */
 static const uint16_t leg_of[2][3] = {{0u, 2u, 4u}, {5u, 1u, 3u}};
+static const uint16_t legs_of[2] = {0x2au, 0x15u}; /* as state words */
+
 void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
                               float in_phase)
 {
     float rho2 = rho * rho;
     float cap = CAP_HZ * HT_CARRIER_PERIODS / f_isr_Hz;
     cfg->weight = weight;
-    cfg->scale = SLOPE / (1.0f + weight);
+    cfg->scale = PULL * SLOPE / (1.0f + weight);
     cfg->alike = COS_30 * (1.0f - rho2) / (1.0f + rho2);
     cfg->cap = (cap < CAP_MOST) ? cap : CAP_MOST;
     cfg->together_pu2 = (in_phase < TOGETHER_FROM) ? (HT_NEVER_PU * HT_NEVER_PU) : TOGETHER_PU2;
@@ -49,7 +52,7 @@ void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rh
 bool ht_interleaved_check(const ht_interleaved_config *cfg)
 {
     return (cfg->weight >= 0.0f) && (cfg->weight < 1.0e3f) && (cfg->scale > 0.0f)
-           && (cfg->scale <= SLOPE) && (fabsf(cfg->alike) <= 1.0f) && (cfg->cap > 0.0f)
+           && (cfg->scale <= PULL * SLOPE) && (fabsf(cfg->alike) <= 1.0f) && (cfg->cap > 0.0f)
            && (cfg->cap <= CAP_MOST) && (fabsf(cfg->early[0]) <= EARLY)
            && (fabsf(cfg->early[1]) <= EARLY) && (cfg->together_pu2 > 0.0f); /* NaN is not */
 }
@@ -60,7 +63,7 @@ void ht_interleaved_reset(ht_interleaved_state *st)
     unsigned k;
     for (a = 0u; a < 2u; a++) {
         for (k = 0u; k < 3u; k++) {
-            st->set[a].d[k] = 0.5f;
+            st->set[a].half_d[k] = 0.25f;
             st->set[a].delta[k] = 0.0f;
             st->set[a].next[k] = 0u;
         }
@@ -86,14 +89,22 @@ static HT_INTO_CALLERS float within(float value, float centre, float half)
 static HT_INTO_CALLERS void shares_of(unsigned a, float sense, ht_ab v, float share[3])
 {
     float p = sense * ((a == 0u) ? v.alpha : -v.beta);
-    float q = (sense * COS_30) * ((a == 0u) ? v.beta : v.alpha);
+    float q = sense * (COS_30 * ((a == 0u) ? v.beta : v.alpha));
     float half = fabsf(q);
     float first = 1.5f * p;
-    float zero = 0.5f - 0.25f * (p + (fabsf(first - half) - fabsf(first + half)));
+    float less = fabsf(first - half);
+    float more = fabsf(first + half);
+    float zero = 0.5f - 0.25f * (p + (less - more));
     float middle = zero - 0.5f * p;
-    share[0] = ht_between(zero + p, 0.0f, 1.0f);
-    share[1] = ht_between(middle + q, 0.0f, 1.0f);
-    share[2] = ht_between(middle - q, 0.0f, 1.0f);
+    unsigned k;
+    share[0] = zero + p;
+    share[1] = middle + q;
+    share[2] = middle - q;
+    if (!(0.5f * (less + more) + half <= 1.0f)) { /* largest less smallest command; NaN is not */
+        for (k = 0u; k < 3u; k++) {
+            share[k] = ht_between(share[k], 0.0f, 1.0f);
+        }
+    }
 }
 
 /* Twice x where x is above 0, squared. */
@@ -103,14 +114,14 @@ static HT_INTO_CALLERS float above2(float x)
     return twice * twice;
 }
 
-/* By what a pulse of the duty ratio d wants to be later than one of e, whose middle is `ahead` of its own,
- * or behind where `ahead` is negative, at most half a carrier's period. Then this is odd. */
+/* By what a pulse wants to be later than another one, whose middle is `ahead` of its own, or behind where
+ * `ahead` is negative, at most half a carrier's period; over PULL. d, e: half of their duty ratios. Then this
+ * is odd. */
 static HT_INTO_CALLERS float pull(float d, float e, float ahead)
 {
-    float differ = 0.5f * fabsf(d - e);
-    float mean = 0.5f * (d + e);
-    return 0.75f * (above2(mean - ahead) - above2(differ - ahead) - above2(mean - 1.0f + ahead))
-           + (6.0f * ahead - 3.0f) * (d * e);
+    float mean = d + e;
+    return above2(mean - ahead) - above2(fabsf(d - e) - ahead) - above2(mean - 1.0f + ahead)
+           + (ahead - 0.5f) * (32.0f * d * e);
 }
 
 /* The same where it is not known which is ahead. */
@@ -143,7 +154,7 @@ static HT_INTO_CALLERS float slope(const ht_interleaved_config *cfg, const ht_in
     float ours[3];
     float theirs[3];
     float torque;
-    float d = own->d[k];
+    float d = own->half_d[k];
     float delta = own->delta[k];
     unsigned m = after[k];
     unsigned n = after[m];
@@ -152,14 +163,14 @@ static HT_INTO_CALLERS float slope(const ht_interleaved_config *cfg, const ht_in
     parts(1u - a, quad, theirs);
     torque = cfg->weight * ours[k];
     sum = (torque * theirs[k])
-          * pull(d, other->d[k], CARRIER_2 + ahead * (other->delta[k] - delta));
+          * pull(d, other->half_d[k], CARRIER_2 + ahead * (other->delta[k] - delta));
     sum += (alike + torque * theirs[m])
-           * pull(d, other->d[m], CARRIER_2 + ahead * (other->delta[m] - delta));
+           * pull(d, other->half_d[m], CARRIER_2 + ahead * (other->delta[m] - delta));
     sum += (torque * theirs[n] - alike)
-           * pull(d, other->d[n], CARRIER_2 + ahead * (other->delta[n] - delta));
+           * pull(d, other->half_d[n], CARRIER_2 + ahead * (other->delta[n] - delta));
     sum *= ahead;
-    sum += (torque * ours[m] - 0.5f) * pull_either(d, own->d[m], own->delta[m] - delta);
-    sum += (torque * ours[n] - 0.5f) * pull_either(d, own->d[n], own->delta[n] - delta);
+    sum += (torque * ours[m] - 0.5f) * pull_either(d, own->half_d[m], own->delta[m] - delta);
+    sum += (torque * ours[n] - 0.5f) * pull_either(d, own->half_d[n], own->delta[n] - delta);
     return cfg->scale * sum;
 }
 
@@ -173,97 +184,99 @@ typedef struct {
     uint16_t end;
 } making;
 
-static HT_INTO_CALLERS void stays(making *m, unsigned leg, bool high, ht_compare *out,
-                                  ht_toggles *toggles)
-{
-    m->high |= high ? (HT_LEG_U1 >> leg) : 0u;
-    m->share.p[leg] = high ? 1.0f : 0.0f;
-    out->ca[leg] = m->end;
-    toggles->t[leg] = 1.0f;
-}
-
-static HT_INTO_CALLERS void toggles_at(making *m, unsigned leg, uint16_t count, bool rising,
-                                       ht_compare *out, ht_toggles *toggles)
-{
-    unsigned bit = HT_LEG_U1 >> leg;
-    float t = (float)count * m->per_count;
-    m->moves |= bit;
-    m->rises |= rising ? bit : 0u;
-    m->share.p[leg] = rising ? (1.0f - t) : t;
-    out->ca[leg] = count;
-    toggles->t[leg] = t;
-}
-
-/* The common part of a set's legs in a half. */
+/* The common part of a set's legs in a half, in which dead time counts as a share of it. */
 typedef struct {
     const ht_interleaved_config *cfg;
-    float sense;      /* 1 falling, -1 rising */
-    float act;        /* share with which positions are optimised */
-    float centre;     /* where a pulse lies else, times the rest */
-    float full;       /* counts of a period */
-    float dead;       /* dead time in periods */
-    float dead_half2; /* a quarter of it ... */
-    float dead_per_A; /* ... and the same over the current from which it acts fully */
-    uint16_t end;
-    uint16_t shortest;
+    float sense;        /* 1 falling, -1 rising */
+    float at_0;         /* 1 rising, else 0 */
+    float doubt;        /* 0 where positions count in full, else 1 */
+    float act;          /* share with which positions are optimised */
+    float centre;       /* where a pulse lies else, times the rest */
+    float room;         /* either side of the middle for a pulse of half a carrier's period */
+    float full;         /* counts of the half */
+    float dead_half;    /* half of the dead time */
+    float dead_quarter; /* a quarter of it ... */
+    float dead_per_A; /* ... and the same over the current from which it acts fully, to be added */
+    uint32_t end;     /* counts of a period */
+    uint32_t shortest;
+    unsigned now;   /* legs that toggle in the first period ... */
+    unsigned later; /* ... in the second one */
+    unsigned after; /* legs that are on the half's second level all along the first period */
 } half_of;
 
-/* Where a pulse goes: to where it is better, within what its room and the voltage allow. */
+/* Where a pulse goes: to where it is better, within what its room and the voltage allow. `better` is within
+ * the cap of `was`, so where positions count in full the room is all that limits it. */
 static HT_INTO_CALLERS float placed(const half_of *h, float share, float was, float better)
 {
-    float left = ROOM_SHARE * (0.5f - fabsf(share - 0.5f)) - 0.25f * h->dead;
-    float room = 0.5f * (left + fabsf(left));
-    float to = within(better, h->centre, h->act * room);
-    return within(within(to, was, h->cfg->cap), 0.0f, room);
+    float room = h->room - ROOM_SHARE * fabsf(share - 0.5f);
+    float to = better;
+    if (!(fabsf(to) <= (room - h->doubt))) { /* NaN is not */
+        room = 0.5f * (room + fabsf(room));
+        if (h->doubt > 0.0f) {
+            to = within(within(to, h->centre, h->act * room), was, h->cfg->cap);
+        }
+        to = within(to, 0.0f, room);
+    }
+    return to;
 }
 
-/* Counts from the half's begin at which a leg toggles, the shortest pulse away from both periods' ends. 0:
- * it is on its rail before that already, also for NaN; `2 end`: it stays where it starts. */
+/* Counts from a period's begin, the shortest pulse away from its ends. */
+static HT_INTO_CALLERS uint32_t away_from_ends(const half_of *h, uint32_t count)
+{
+    uint32_t most = h->end - h->shortest;
+    return (count < h->shortest) ? h->shortest : ((count > most) ? most : count);
+}
+
+/* Counts from the half's begin at which a leg toggles, the shortest pulse away from both periods' ends, `at`
+ * is a share of the half. 0: it is on its rail before that already, also for NaN; `2 end`: it stays where it
+ * starts. */
 static HT_INTO_CALLERS uint32_t edge_counts(const half_of *h, float share, float at)
 {
     uint32_t end = h->end;
-    uint32_t shortest = h->shortest;
-    float counts = ht_between(at, 0.0f, HT_HALF_PERIODS) * h->full + 0.5f;
+    float counts = ht_between(at, 0.0f, 1.0f) * h->full + 0.5f;
     uint32_t count = (uint32_t)counts;
     if (count < end) {
-        if (count < shortest) {
-            return (2u * count < shortest) ? 0u : shortest;
-        }
-        return (count > (end - shortest)) ? (end - shortest) : count;
+        return ((2u * count) < h->shortest) ? 0u : away_from_ends(h, count);
     }
-    if (count > (2u * end - shortest)) {
-        return ((share >= 1.0f) || (2u * count > (4u * end - shortest))) ? (2u * end)
-                                                                         : (2u * end - shortest);
+    if ((count > (2u * end - h->shortest))
+        && ((share >= 1.0f) || (2u * count > (4u * end - h->shortest)))) {
+        return 2u * end;
     }
-    return (count < (end + shortest)) ? (end + shortest) : count;
+    return end + away_from_ends(h, count - end);
 }
 
 /* A leg begins its half. Returns its part of what the flux will be off. */
-static HT_INTO_CALLERS float begin_leg(const half_of *h, ht_interleaved_set *set, unsigned k,
+static HT_INTO_CALLERS float begin_leg(half_of *h, ht_interleaved_set *set, unsigned k,
                                        unsigned leg, float share, float better, float i_A,
                                        making *m, ht_compare *out, ht_toggles *toggles)
 {
-    bool rising = h->sense < 0.0f;
+    unsigned bit = HT_LEG_U1 >> leg;
     float was = set->delta[k];
     float delta = placed(h, share, was, better);
     float x = h->dead_per_A * i_A;
-    float shift = fabsf(x + h->dead_half2) - fabsf(x - h->dead_half2);
+    float shift = fabsf(x + h->dead_quarter) - fabsf(x - h->dead_quarter);
     float moved = share * (delta - was) + was;
-    float at = HT_HALF_PERIODS * share + HT_CARRIER_PERIODS * moved + h->sense * shift
-               - 0.5f * h->dead;
+    float at = share + (HT_CARRIER_PERIODS / HT_HALF_PERIODS) * moved + shift - h->dead_half;
     uint32_t count = edge_counts(h, share, at);
+    float first = 1.0f; /* share of the period before the edge */
+    out->ca[leg] = m->end;
+    toggles->t[leg] = 1.0f;
     set->delta[k] = delta;
     if (count == 0u) {
-        stays(m, leg, rising, out, toggles);
+        h->after |= bit;
+        first = 0.0f;
     } else if (count < h->end) {
-        toggles_at(m, leg, (uint16_t)count, rising, out, toggles);
+        h->now |= bit;
+        first = (float)count * m->per_count;
+        out->ca[leg] = (uint16_t)count;
+        toggles->t[leg] = first;
+    } else if (count < (2u * h->end)) {
+        set->next[k] = (uint16_t)(count - h->end);
+        h->later |= bit;
     } else {
-        if (count < (2u * (uint32_t)h->end)) {
-            set->next[k] = (uint16_t)(count - h->end);
-            set->moves |= HT_LEG_U1 >> leg;
-        }
-        stays(m, leg, !rising, out, toggles);
+        /* stays as long as the half lasts */
     }
+    m->share.p[leg] = h->at_0 + h->sense * first;
     return share * delta;
 }
 
@@ -286,30 +299,37 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     float size2 = command->steady_pu.alpha * command->steady_pu.alpha
                   + command->steady_pu.beta * command->steady_pu.beta;
     bool turned = (a == 1u) && st->opposite;
-    bool rises = st->quarter < 2u;
+    bool rising = (st->quarter < 2u) != turned;
+    float sense = rising ? -1.0f : 1.0f;
     h.cfg = cfg;
-    h.sense = (rises != turned) ? -1.0f : 1.0f;
+    h.sense = sense;
+    h.at_0 = rising ? 1.0f : 0.0f;
     h.act = 0.0f;
     h.centre = 0.0f;
     if (!st->together) {
         h.act = ht_between((size2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f, 1.0f);
         h.centre = (1.0f - h.act) * cfg->early[a];
     }
+    h.doubt = (h.act < 1.0f) ? 1.0f : 0.0f;
     if (a == 0u) {
         st->steady_pu = command->steady_pu;
     }
     h.end = in->period->counts;
     h.shortest = in->period->shortest;
-    h.full = (float)h.end;
-    h.dead = in->dead->dead_pu;
-    h.dead_half2 = 0.25f * h.dead;
-    h.dead_per_A = h.dead_half2 / in->dead->i_zero_A;
-    shares_of(a, h.sense, command->v_pu, share);
+    h.full = HT_HALF_PERIODS * (float)h.end;
+    h.dead_half = (0.5f / HT_HALF_PERIODS) * in->dead->dead_pu;
+    h.dead_quarter = 0.5f * h.dead_half;
+    h.dead_per_A = sense * h.dead_quarter / in->dead->i_zero_A;
+    h.room = 0.5f * ROOM_SHARE - h.dead_half;
+    h.now = 0u;
+    h.later = 0u;
+    h.after = 0u;
+    shares_of(a, sense, command->v_pu, share);
     for (k = 0u; k < 3u; k++) {
-        set->d[k] = 0.5f + h.sense * (share[k] - 0.5f);
+        float half = 0.5f * share[k];
+        set->half_d[k] = rising ? (0.5f - half) : half;
         better[k] = set->delta[k];
     }
-    set->moves = 0u;
     if (h.act > 0.0f) {
         k = st->turn;
         better[k] += ht_limited(slope(cfg, st, a, k, command->quad), cfg->cap);
@@ -318,8 +338,16 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
         unsigned leg = leg_of[a][k];
         part[k] = begin_leg(&h, set, k, leg, share[k], better[k], i_A[leg], m, out, toggles);
     }
-    p = (h.sense * TWO_THIRDS * HT_CARRIER_PERIODS) * (part[0] - 0.5f * (part[1] + part[2]));
-    q = (h.sense * TWO_THIRDS * HT_CARRIER_PERIODS * COS_30) * (part[1] - part[2]);
+    set->moves = h.later;
+    m->moves |= h.now;
+    if (rising) {
+        m->rises |= h.now;
+        m->high |= h.after;
+    } else {
+        m->high |= legs_of[a] & ~(h.now | h.after);
+    }
+    p = sense * ((TWO_THIRDS * HT_CARRIER_PERIODS) * (part[0] - 0.5f * (part[1] + part[2])));
+    q = sense * ((TWO_THIRDS * HT_CARRIER_PERIODS * COS_30) * (part[1] - part[2]));
     off.alpha = (a == 0u) ? p : q;
     off.beta = (a == 0u) ? q : -p;
     return off;
@@ -347,16 +375,24 @@ static HT_INTO_CALLERS void go_on(ht_interleaved_state *st, unsigned b, unsigned
                                   ht_compare *out, ht_toggles *toggles)
 {
     ht_interleaved_set *set = &st->set[b];
+    unsigned moves = set->moves;
     unsigned k;
     for (k = 0u; k < 3u; k++) {
         unsigned leg = leg_of[b][k];
         unsigned bit = HT_LEG_U1 >> leg;
-        if ((set->moves & bit) != 0u) {
-            toggles_at(m, leg, set->next[k], (before & bit) == 0u, out, toggles);
-        } else {
-            stays(m, leg, (before & bit) != 0u, out, toggles);
+        float first = 1.0f;
+        out->ca[leg] = m->end;
+        toggles->t[leg] = 1.0f;
+        if ((moves & bit) != 0u) {
+            first = (float)set->next[k] * m->per_count;
+            out->ca[leg] = set->next[k];
+            toggles->t[leg] = first;
         }
+        m->share.p[leg] = ((before & bit) != 0u) ? first : (1.0f - first);
     }
+    m->moves |= moves;
+    m->rises |= moves & ~before;
+    m->high |= legs_of[b] & before & ~moves;
     set->moves = 0u;
 }
 

@@ -40,7 +40,7 @@ typedef struct {
 
 /** One set: legs in the order of the commands p, q - p/2, -q - p/2. */
 typedef struct {
-    float d[3];       /**< duty ratios */
+    float half_d[3];  /**< half of the duty ratios */
     float delta[3];   /**< positions */
     uint16_t next[3]; /**< counts at which legs toggle in the half's second period */
     unsigned moves;   /**< which do, as a state word */

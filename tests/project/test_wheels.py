@@ -50,3 +50,25 @@ def test_a_system_that_is_none_is_named(ours, monkeypatch):
     monkeypatch.setattr(wheels, "WORK", ours.parent / "work")
     with pytest.raises(SystemExit, match="no system 'amiga': choose from linux, "):
         wheels.main(["amiga"])
+
+
+@pytest.mark.parametrize(
+    "row, other",
+    [
+        ("- numba >=0.61", "- numba >=0.60"),
+        ('version: "', 'version: "1'),
+        ("    - rich >=13\n", ""),
+    ],
+)
+def test_a_recipe_for_conda_that_differs_is_refused(row, other, tmp_path, monkeypatch):
+    pytest.importorskip("rattler_build", reason="make dist installs it")
+    for name in ("conda/recipe.yaml", "pyproject.toml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text((wheels.ROOT / name).read_text())
+    monkeypatch.setattr(wheels, "ROOT", tmp_path)
+    wheels.check_recipe()
+    recipe = tmp_path / "conda" / "recipe.yaml"
+    assert row in recipe.read_text()
+    recipe.write_text(recipe.read_text().replace(row, other))
+    with pytest.raises(SystemExit, match="another version or other dependencies"):
+        wheels.check_recipe()

@@ -14,7 +14,7 @@ void prove_edge_counts(void)
     GIVEN(HT_IS_PERIOD(p));
     h.end = p.counts;
     h.shortest = p.shortest;
-    h.full = (float)p.counts;
+    h.full = 2.0f * (float)p.counts;
     count = edge_counts(&h, nondet_float(), nondet_float());
     if ((count != 0u) && (count != 2u * (uint32_t)p.counts)) {
         uint32_t in_period = (count < p.counts) ? count : (count - p.counts);

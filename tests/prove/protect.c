@@ -164,6 +164,7 @@ void prove_protect_slow(void)
     cfg.magnetise_A_Wb = nondet_float();
     cfg.estimate_back = nondet_float();
     cfg.encoder_gain = nondet_float();
+    cfg.short_gain = nondet_float();
     cfg.magnets = nondet_bool();
     cfg.inv_psi_f = nondet_float();
     st.circle2 = nondet_float();
@@ -172,12 +173,13 @@ void prove_protect_slow(void)
     st.i_A = any_ab();
     st.estimated_rpm = nondet_float();
     st.speed_error_rpm = nondet_float();
+    st.flux_short = nondet_float();
     c.estimate.psi_Wb = any_ab();
     c.observer.i_A = any_ab();
     c.observer.gap_Wb = any_ab();
     c.observer.rr_scale = nondet_float();
     c.observer.omega_sync_rad_s = nondet_float();
-    faults = ht_protect_slow(&cfg, &st, &c, speed_rpm);
+    faults = ht_protect_slow(&cfg, &st, &c, speed_rpm, nondet_float());
     MUST((faults & ~((unsigned)HT_FAULT_ENCODER | (unsigned)HT_FAULT_FLUX)) == 0u);
     MUST(IMPLIES(!(cfg.encoder_trip_rpm > 0.0f), (faults & HT_FAULT_ENCODER) == 0u));
     MUST(IMPLIES(!(cfg.flux_check > 0.0f), (faults & HT_FAULT_FLUX) == 0u));

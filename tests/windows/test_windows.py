@@ -1,28 +1,46 @@
 """The package on Windows, under wine: `make test-windows`."""
 
+import json
 import os
 import re
 import subprocess
 from contextlib import contextmanager
+from pathlib import Path
 from urllib.request import HTTPCookieProcessor, build_opener
 
 import numpy as np
 import pytest
 import windows
+from fmu_masters import COURSES, Plant, command
 
+from hexatorque import firmware, setups
 from hexatorque.cli.main import main
 from hexatorque.drive.board import BoardDrive
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.fmu import controller
+from hexatorque.plant.loop import PLANT_CHANNELS
 
 if "HT_WINDOWS" not in os.environ:
     pytest.skip("make test-windows runs this", allow_module_level=True)
 
 EXAMPLES = windows.ROOT / "examples"
-#: The first start compiles the simulation.
-WAIT_S = 300
+#: No test needs as long. The first start compiles the simulation, and the computer may be busy.
+WAIT_S = 1500
+
+
+PYTHON = ("wine", windows.PYTHON / "python.exe")
 
 
 def words_of(*words):
-    return ["wine", windows.PYTHON / "python.exe", "-m", "hexatorque", *words]
+    return [*PYTHON, "-m", "hexatorque", *words]
+
+
+def started(*words):
+    """A program of Windows that has ended. Its output is UTF-8."""
+    return subprocess.run(
+        words, env=windows.environment(), stdin=subprocess.DEVNULL, timeout=WAIT_S,
+        capture_output=True, encoding="utf-8",
+    )  # fmt: skip
 
 
 @pytest.fixture
@@ -31,10 +49,7 @@ def there(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def run(*words, code=0):
-        done = subprocess.run(
-            words_of(*words), env=windows.environment(), stdin=subprocess.DEVNULL, timeout=WAIT_S,
-            capture_output=True, encoding="utf-8",
-        )  # fmt: skip
+        done = started(*words_of(*words))
         assert done.returncode == code, done.stdout + done.stderr
         return done.stdout + done.stderr
 
@@ -135,3 +150,58 @@ def test_the_page(there, board):
         build_opener(HTTPCookieProcessor()).open(page, timeout=30) as answer,
     ):
         assert "hexatorque" in answer.read().decode()
+
+
+def controller_course(setup):
+    """What the controller FMU gets in each period beside the simulation's plant, and the channels
+    of the simulation's controller."""
+    plant, inputs, rows = Plant(setup), [], []
+    for k in range(2700):
+        given = COURSES["controller"].get(k, {})
+        command(plant.sim, given)
+        plant.step()
+        inputs.append(plant.inputs | given)
+        rows.append(plant.channels)
+    return inputs, {f"channel.{n}": c for (n, _), c in zip(firmware.channels(), zip(*rows))}
+
+
+def drive_course(setup):
+    """The same of the drive FMU, with the plant's true values. Those of a period's beginning are
+    in the row of the period before: an FMU's are those at its end."""
+    sim, inputs, rows, plant = SimulatedDrive(setup, 1), [], [], []
+    for k in range(2500):
+        inputs.append(COURSES["drive"].get(k, {}))
+        command(sim, inputs[-1])
+        true, channels = sim.rows(1)
+        plant.append(true[0].copy())
+        rows.append(channels[0].copy())
+    true, _ = sim.rows(1)
+    plant.append(true[0].copy())
+    names = [f"channel.{n}" for n, _ in firmware.channels()]
+    expected = dict(zip(names, np.transpose(rows)))
+    return inputs, expected | {
+        f"plant.{name}": column[1:] for (name, _), column in zip(PLANT_CHANNELS, zip(*plant))
+    }
+
+
+@pytest.mark.parametrize("version", (2, 3))
+@pytest.mark.parametrize("of, course", (("controller", controller_course), ("drive", drive_course)))
+def test_an_fmu_has_the_bits_of_the_simulation(tmp_path, monkeypatch, of, course, version):
+    """FMPy finds no mistake in it and runs it there."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(controller, "HERE", "x86_64-windows-gnu")
+    setup = setups.load("paper-b").changed(
+        {"controller.scheme": "db-dtfc", "timing.latency": "predicted"}
+        | {"controller.calibration_s": 0.01, "controller.build_s": 0.1}
+    )
+    controller.write(Path("there.fmu"), setup, of, version, only_here=True)
+    inputs, expected = course(setup)
+    Path("inputs.json").write_text(json.dumps(inputs))
+    script = Path(__file__).with_name("fmu_there.py")
+    done = started(*PYTHON, script, "there.fmu", "inputs.json", "outputs.npz")
+    assert done.returncode == 0, done.stdout + done.stderr
+    with np.load("outputs.npz") as found:
+        assert {*found["state"]} >= {0, 1, 2, 3}  # it has run
+        for name, values in expected.items():
+            here = np.array(values, found[name].dtype)
+            assert here.tobytes() == found[name].tobytes(), name

@@ -234,16 +234,19 @@ class Hardware:
             ohm = thermistor_ohm(
                 value(f"sensors.{place}_ntc_ohm"), value(f"sensors.{place}_ntc_K"), degC[k]
             )
+            if broken[place] == "stuck":
+                continue
             ohm = {"open": math.inf, "short": 0.0}.get(broken[place], ohm)
             share = thermistor_share(ohm, value("sensors.ntc_pull_up_ohm"))
             self.sensors.slow_counts[k] = share * self.sensors.adc_full
 
     def break_thermistor(self, place: str, kind: str) -> None:
-        """Break the thermistor of `winding` or `sink`: `open`, `short`, or `none`: whole again."""
+        """Break the thermistor of `winding` or `sink`: `open`, `short`, `stuck` where it stands, or
+        `none`: whole again."""
         if place not in THERMISTORS:
             raise SetupError(f"place = {place!r}: choose one of {', '.join(THERMISTORS)}")
-        if kind not in ("none", "open", "short"):
-            raise SetupError(f"kind = {kind!r}: choose one of none, open, short")
+        if kind not in ("none", "open", "short", "stuck"):
+            raise SetupError(f"kind = {kind!r}: choose one of none, open, short, stuck")
         self._thermistors[place] = kind
 
     def break_leg(self, phase: str, kind: str, after_s: float = 0.0) -> None:

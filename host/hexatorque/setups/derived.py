@@ -17,7 +17,7 @@ given ones or derived ones.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -91,12 +91,16 @@ class Rule:
 class Known(Design):
     """The controller parameters of a set-up by name, each worked out when it is asked for."""
 
-    def __init__(self, setup: Values, initial: Mapping[str, Any]) -> None:
-        """initial: the firmware's defaults."""
+    def __init__(
+        self, setup: Values, initial: Mapping[str, Any], left_open: Collection[str] = ()
+    ) -> None:
+        """initial: the firmware's defaults; left_open: parameters that follow their rules although
+        the set-up gives them."""
         super().__init__(setup, self.__getitem__)
         self._initial = initial
         self.rules = rules_of(setup)
-        self._values = {key: given.value for key, given in setup.values["controller"].items()}
+        given = setup.values["controller"].items()
+        self._values = {key: value.value for key, value in given if key not in left_open}
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._values:
@@ -121,6 +125,89 @@ BRAKE = {
 }
 
 
+def _hot_ohm(k: Known, kind: str) -> float:
+    """On-resistance of a device at device_limit_degC."""
+    rise_K = k["device_limit_degC"] - k.setup["heat.devices_degC"]
+    share = 1 + k.setup[f"heat.{kind}_ohm_per_K"] * rise_K
+    return k.setup[f"inverter.r_{kind}_ohm"] * max(share, 0.0)
+
+
+def _device_nJ_VA(k: Known) -> float:
+    of = k.setup.__getitem__
+    energy_nJ = 1e6 * (of("inverter.e_on_mJ") + of("inverter.e_off_mJ"))
+    return energy_nJ / (of("inverter.e_ref_V") * of("inverter.e_ref_A")) if energy_nJ else 0.0
+
+
+def _switching_W(d: Design) -> float:
+    """Of a leg with the amplitude of rated current, as the drive computes it."""
+    return 1e-9 * d.parameter("device_nJ_VA") * d.parameter("f_isr_Hz") * d.vdc_V * d.rated_A
+
+
+def _leg_W(d: Design) -> float:
+    """The same of all losses of this leg."""
+    volts = d.parameter("drop_V") + d.parameter("device_ohm") * d.rated_A
+    return volts * d.rated_A + _switching_W(d)
+
+
+def device_rise_K(d: Design) -> float:
+    """Of the hottest leg above the heat sink, as the drive computes it, with rated current at a
+    standstill."""
+    return float(d.parameter("device_K_W")) * _leg_W(d)
+
+
+def _hottest(k: Known) -> tuple[str, float]:
+    """Kind of the hottest device of this leg, and its rise above the heat sink. Switch and diode
+    carry the current for half of the time each; the switch has the commutations."""
+    i_A, rises_K = k.rated_A, {}
+    for kind in ("switch", "diode"):
+        conducts_W = 0.5 * (k.setup[f"inverter.v_{kind}_V"] + _hot_ohm(k, kind) * i_A) * i_A
+        watts = conducts_W + (_switching_W(k) if kind == "switch" else 0.0)
+        rises_K[kind] = sum(k.setup[f"heat.{kind}_K_W"]) * watts
+    hottest = max(rises_K, key=rises_K.__getitem__)
+    return hottest, rises_K[hottest]
+
+
+def _device_K_W(k: Known) -> float:
+    leg_W = _leg_W(k)
+    device_K_W = _hottest(k)[1] / leg_W if leg_W > 0 else 0.0
+    sink_K_W = 0.0 if k["sink_ntc_ohm"] > 0 else 6 * k.setup["heat.sink_K_W"]
+    return min(device_K_W + sink_K_W, range_of("device_K_W")[1])
+
+
+def _device_s(k: Known) -> float:
+    hottest, _ = _hottest(k)
+    chain_K_W, times_s = (k.setup[f"heat.{hottest}_{unit}"] for unit in ("K_W", "s"))
+    mean_s = sum(r * t for r, t in zip(chain_K_W, times_s)) / (sum(chain_K_W) or 1.0)
+    least_s, most_s = range_of("device_s")
+    return min(max(mean_s / k.setup["heat.time_lapse"], least_s), most_s)
+
+
+#: With heat.switch_K_W or diode_K_W.
+DEVICES = {
+    "device_nJ_VA": Rule("e_on_mJ + e_off_mJ, over e_ref_V e_ref_A", _device_nJ_VA),
+    "device_ohm": Rule(
+        "mean on-resistance of switch and diode at device_limit_degC",
+        lambda k: 0.5 * (_hot_ohm(k, "switch") + _hot_ohm(k, "diode")),
+    ),
+    "device_K_W": Rule(
+        "rise of the hottest device over the loss of its leg, with rated current that stands: "
+        "switch and diode carry half of the time each; without a thermistor 6 times sink_K_W more, "
+        "as if all legs were as hot",
+        _device_K_W,
+    ),
+    "device_s": Rule(
+        "of this device: mean of its time constants, weighted with their resistances, over "
+        "time_lapse of [heat]",
+        _device_s,
+    ),
+}
+
+
+def has_chains(setup: Values) -> bool:
+    """Whether the devices of the simulated power stage have temperatures."""
+    return any((*setup["heat.switch_K_W"], *setup["heat.diode_K_W"]))
+
+
 def rules_of(setup: Values) -> dict[str, Rule]:
     """The rules in force, by parameter."""
     told, designed = ALWAYS, OPEN
@@ -131,6 +218,8 @@ def rules_of(setup: Values) -> dict[str, Rule]:
         told = {**told, **PRECHARGE}
     if setup["load.holding_Nm"] > 0:
         told = {**told, **BRAKE}
+    if has_chains(setup):
+        told = {**told, **DEVICES}
     return {**told, **designed} if setup.defaults == "derived" else told
 
 

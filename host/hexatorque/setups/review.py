@@ -16,11 +16,15 @@ from typing import TYPE_CHECKING, Any, cast
 from .._firmware import lib
 from .derived import (
     CLEAN_FROM,
+    DEVICES,
     F_ISR_FAST_HZ,
     I_TRIP_SHARE,
     LEAST_INERTIA,
     UNTOLD_EMF,
     WRITTEN_WITHIN,
+    Known,
+    device_rise_K,
+    has_chains,
     write_delay_us,
 )
 from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Demand, Design, rad_s
@@ -116,6 +120,7 @@ def review(setup: Setup, schemes: Iterable[str], steady: bool = True) -> list[Fi
         *(_currents_of_magnets(design) if design.magnets else _currents(design)),
         *_loops(design),
         *_speed(design),
+        *_power_stage(design),
     ]
     for name in schemes:
         found = [*_scheme(design, name), *(_steady(setup, design, name) if steady else ())]
@@ -740,6 +745,22 @@ def _speed(d: Design) -> Iterator[Finding]:
             "end of field weakening", weak_rpm, d.rated_rpm, "r/min",
             "lower controller.flux_min_Wb, or raise inverter.vdc_V",
         )  # fmt: skip
+
+
+def _power_stage(d: Design) -> Iterator[Finding]:
+    """What the drive is told of its devices, against those of the simulated power stage."""
+    setup = d.setup
+    if not has_chains(setup):
+        return
+    known = Known(setup, parameters(setup), left_open=DEVICES)
+    rise_K, advice = device_rise_K(known), "leave controller.device_… out: they follow from [heat]"
+    told = "rise of the devices as the drive computes it, with rated current at a standstill"
+    yield at_least(told, device_rise_K(d), 0.9 * rise_K, "K", advice, "note")
+    yield at_most(told, device_rise_K(d), 1.5 * rise_K, "K", advice, "note")
+    yield at_most(
+        "time constant of the devices in the drive", d.parameter("device_s"),
+        1.5 * known["device_s"], "s", advice, "note",
+    )  # fmt: skip
 
 
 def _interrupt(d: Design, name: str) -> Iterator[Finding]:

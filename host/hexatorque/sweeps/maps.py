@@ -221,7 +221,8 @@ def _kind(results: Results, number: int) -> str:
         for axis in results.space.design.axes
         if axis.free and axis.path != SCHEME and not _counts(axis)
     ]
-    return ", ".join([str(values[SCHEME])] * (SCHEME in values) + words)
+    scheme = [str(values[SCHEME])] if SCHEME in values else []
+    return ", ".join(scheme + words)
 
 
 def _style(kind: str, kinds: list[str]) -> dict[str, Any]:

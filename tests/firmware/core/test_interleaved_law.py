@@ -234,7 +234,7 @@ def test_positions_go_down_the_slope_of_the_ripple():
             u = (x * np.exp(-1j * ANGLE[list(LEGS[a])])).real
             d.append(0.5 + u - 0.5 * (u.max() + u.min()))
             for k in range(3):
-                state.set[a].d[k] = d[a][k]
+                state.set[a].half_d[k] = d[a][k] / 2
                 state.set[a].delta[k] = rng.uniform(-0.1, 0.1) * min(d[a][k], 1 - d[a][k])
         a, k = trial % 2, trial % 3
         state.quarter, state.turn = a, k
@@ -329,7 +329,7 @@ def test_every_input_gives_a_valid_pattern(inputs, period, dead, before, weight,
         ab, xy = valid(law, was, *law.step(0.4 + 0j, 0j, 0.36 + 0j, 0.0, 0.4, 0.0))
     assert np.isfinite([motor.psi.real, abs(ab), abs(xy)]).all()
     for a, k in itertools.product((0, 1), range(3)):
-        assert 0 <= law.state.positions.set[a].d[k] <= 1
+        assert 0 <= law.state.positions.set[a].half_d[k] <= 0.5
         assert abs(law.state.positions.set[a].delta[k]) <= 0.2251
         assert np.isfinite([law.state.off_pu[a].alpha, law.state.off_pu[a].beta]).all()
 

@@ -75,6 +75,37 @@ def test_the_hottest_leg_is_known_standing_and_turning(scheme, speed_rpm):
     assert degC == pytest.approx(SINK_DEGC + seen.max(), abs=0.01)
 
 
+#: Foster chains of an IGBT and its diode, and their energies. The drive is told none of them.
+CHAINS = {
+    "heat.switch_K_W": [0.4, 2.0, 6.0, 4.0], "heat.diode_K_W": [1.0, 4.0, 8.0, 2.0],
+    "heat.switch_s": [2e-3, 0.02, 0.1, 0.5], "heat.diode_s": [2e-3, 0.02, 0.1, 0.5],
+    "inverter.v_switch_V": 1.2, "inverter.v_diode_V": 1.0, "inverter.r_switch_ohm": 0.05,
+    "inverter.r_diode_ohm": 0.03, "inverter.e_on_mJ": 0.5, "inverter.e_off_mJ": 0.4,
+    "inverter.e_ref_V": 300.0, "inverter.e_ref_A": 10.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("scheme", ("ddr", "db-dtfc", "foc"))
+@pytest.mark.parametrize("speed_rpm", (0.0, 30.0, 600.0))
+def test_what_follows_from_the_plants_chains_is_never_below_its_hottest_junction(scheme, speed_rpm):
+    """At most the rise of a leg that stands, which is twice that of one that turns."""
+    latency = "predicted" if firmware.needs_prediction(scheme) else "immediate"
+    setup = load(NAME).changed(
+        {"controller.scheme": scheme, "timing.latency": latency, "load.kind": "constant", **CHAINS}
+    )
+    sim = SimulatedDrive(setup, 1)
+    until_it_runs(sim)
+    sim.set("speed_ref_rpm", speed_rpm)
+    sim.run(0.4, record=False)
+    sim.load_Nm = 0.8 * setup["rated.torque_Nm"]
+    sim.run(1.5, record=False)
+    for _ in range(60):
+        sim.run(0.01, record=False)
+        true_K = sim.junctions.junction_degC.max() - setup["heat.ambient_degC"]
+        seen_K = sim.controller.channel("device_degC") - setup["heat.ambient_degC"]
+        assert true_K > 12 and true_K < seen_K < 2.4 * true_K, (true_K, seen_K)
+
+
 def test_warning_then_a_pulled_limit_then_a_trip():
     """Limits at half of the rise that an overload makes: the torque falls until it is held."""
     sim = drive(**{"controller.device_limit_degC": 80.0, "controller.device_trip_degC": 110.0})

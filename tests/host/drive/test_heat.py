@@ -87,8 +87,11 @@ def test_over_a_duty_cycle_the_winding_is_known_and_nothing_acts(name, scheme):
     assert np.abs(off).max() < 5.0, (off.min(), off.max(), highest)
 
 
-#: The machines whose R_s is adapted.
-ADAPTED = [(n, s, w) for n in SETUPS[:2] for s in ("ddr", "db-dtfc", "foc") for w in (0.8, 1.2)]
+#: The machines whose R_s is adapted, with the time lapse. A sample tells the square of one phase
+#: only, and the model takes the mean over the winding's time constant. At 100 that is 0.6 s, and
+#: small-2kw under ddr is off by up to 5.4 K; at 20 it is 2.2 K.
+LAPSES = {"paper-a-feasible": LAPSE, "paper-b": LAPSE, "small-2kw": 20.0}
+ADAPTED = [(n, s, w) for n in LAPSES for s in ("ddr", "db-dtfc", "foc") for w in (0.8, 1.2)]
 
 
 @pytest.mark.parametrize(("name", "scheme", "wrong"), part(ADAPTED, 3))
@@ -96,9 +99,9 @@ def test_over_a_duty_cycle_the_winding_is_known_although_its_resistance_was_told
     name, scheme, wrong
 ):
     """The loss of a wrong R_s is as wrong, and so is the rise. A cold start tells the true one."""
-    told = resistance_told(name, wrong)
-    sim = drive(name, scheme, rated(name)[0], **told, **{"controller.rs_tells": "resistance"})
-    off, highest = duty_cycle(sim, name)
+    changes = {"controller.rs_tells": "resistance", "heat.time_lapse": LAPSES[name]}
+    sim = drive(name, scheme, rated(name)[0], **resistance_told(name, wrong), **changes)
+    off, highest = duty_cycle(sim, name, 2.0 * LAPSE / LAPSES[name])
     assert (sim.state, sim.faults) == ("run", [])
     assert sim.controller.drive.heat_warnings == 0
     assert 100 < highest < 130

@@ -77,6 +77,29 @@ def test_twice_base_speed_and_back(setup, speed_rpm):
         assert sim.speed_rpm == pytest.approx(speed, abs=0.01 * speed_rpm)
 
 
+@pytest.mark.parametrize("f_isr_Hz", (10e3, 20e3))
+@pytest.mark.parametrize("scheme", ("db-ipwm", "foc"))
+def test_a_run_up_beyond_the_reach_with_the_full_flux_trips_nothing(scheme, f_isr_Hz):
+    """The flux is short of its reference there, and turns as fast as the shaft. A shaft that is told
+    half as fast is found."""
+    base = setups.load("paper-b").with_scheme(
+        scheme,
+        controller__f_isr_Hz=f_isr_Hz,
+        controller__field_weakening="off",
+        timing__latency="predicted",
+    )
+    sim = SimulatedDrive(base, 1)
+    sim.start()
+    sim.run(base.parameter("build_s") + 0.1, record=False)
+    sim.set("speed_ref_rpm", 4600.0)
+    sim.run(1.5, record=False)
+    sim.check()
+    assert sim.speed_rpm > 4200
+    sim.sensors.hold[7] = 1
+    sim.run(0.1, record=False)
+    assert "encoder" in ", ".join(sim.faults)
+
+
 @pytest.mark.parametrize("setup", ("paper-a-feasible", "paper-b"))
 def test_the_knob_moves_while_the_drive_runs(setup):
     """Through the voltage and the share from which the sets begin together, without a dip of the

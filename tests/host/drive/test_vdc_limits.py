@@ -122,6 +122,28 @@ def test_the_mean_torque_of_the_tables_charges_the_capacitor_no_further(scheme):
     assert highest_V < setup["controller.vdc_high_V"] + setup["controller.vdc_band_V"]
 
 
+@pytest.mark.parametrize(
+    "case",
+    (
+        Case("small-2kw", "fdr", 3.0, 0.0, "weakening"),
+        Case("small-2kw", "ddr", 3.0, 0.0, "weakening"),
+        Case("large-110kw", "ddr", 1.0, 0.0, "brake"),
+    ),
+    ids=lambda case: "-".join(map(str, case)),
+)
+def test_a_torque_that_ends_at_0_above_the_upper_level_trips(case, monkeypatch):
+    """What the push is for. Without a gain there is no room for it."""
+    honest = SimulatedDrive.set
+
+    def without_push(self, *given):
+        honest(self, *given)
+        self.run(3 * self.period_s, record=False)  # until the configuration is in force
+        self.controller.drive.config.vdc.kp_Nms_rad = 0.0
+
+    monkeypatch.setattr(SimulatedDrive, "set", without_push)
+    assert driven(case)[0].faults == ["dc-link voltage too high"]
+
+
 @functools.cache
 def _is_ready(name, scheme):
     setup = load(name).changed(controller__scheme=scheme)
@@ -136,6 +158,45 @@ def test_without_the_upper_level_braking_trips_within_40_ms():
     sim, _, _ = driven(BRAKE, controller__vdc_high_V=0.0, inverter__link_F=1e-3)
     assert sim.faults == ["dc-link voltage too high"]
     assert sim.snapshot["tick"] * sim.period_s - 4.0 < 0.04
+
+
+CATCHES = [
+    (name, scheme, share)
+    for name in ("paper-a-feasible", "paper-b", "small-2kw", "large-110kw")
+    for scheme, _ in _schemes(name)
+    if scheme in ("ddr", "db-dtfc", "foc")
+    for share in (0.5, 1.0, -1.5)
+]
+
+
+@pytest.mark.parametrize(("name", "scheme", "share"), part(CATCHES, 6))
+def test_a_catch_charges_the_link_by_less_than_its_limits_would_allow(name, scheme, share):
+    """While a turning shaft is caught no limit of the link acts: the flux is built without slip.
+    The worst is the whole flux that is left, tracked with an R_r that is believed 1.4 times the
+    true one: the flux then brakes until it is found."""
+    base = limited(Case(name, scheme, 1.5, 0.0, "catch"))
+    believed = base["machine.rr_ohm"]
+    sim = SimulatedDrive(
+        base.changed(
+            controller__rr_ohm=believed, machine__rr_ohm=0.7 * believed,
+            controller__speed_trip_rpm=3.0 * SETUPS[name],
+        ), 1,
+    )  # fmt: skip
+    rpm, number = share * SETUPS[name], sim.controller.number
+    rotor_s, highest_V = number("lr_H") / believed, 0.0
+    sim.set("speed_ref_rpm", rpm)
+    for pause_s in (4.0 * rotor_s, 0.01, 0.5 * rotor_s):
+        sim.stop()
+        for _ in range(math.ceil(pause_s / 0.01)):  # turned from outside
+            sim.plant_state[6] = rpm * math.pi / 30
+            sim.run(0.01, record=False)
+        sim.discard()
+        sim.start()
+        sim.run(number("calibration_s") + number("build_s"))
+        highest_V = max(highest_V, float(np.max(sim.take()["vdc_V"])))
+        assert sim.state == firmware.RUN
+        sim.run(0.1, record=False)
+    assert highest_V < base["controller.vdc_high_V"] - base["controller.vdc_band_V"]
 
 
 @pytest.mark.parametrize("name", ("paper-a-feasible", "magnet-interior"))

@@ -27,6 +27,34 @@ def made_once(kept, place, key, setup, *arguments, **named):
     return kept[key]
 
 
+#: References, load and breaks before a period.
+COURSES = {
+    "controller": {
+        20: {"run": True, "speed_ref_rpm": 200.0},
+        1800: {"speed_ref_rpm": -150.0},
+        2500: {"run": False},
+    },
+    "drive": {
+        20: {"run": True, "speed_ref_rpm": 200.0},
+        1500: {"load_Nm": 0.4, "vdc_V": 290.0},
+        1700: {"break_u1": 1},
+        2000: {"break_u1": 0},
+        2200: {"run": False},
+    },
+}
+
+
+def command(sim, given):
+    """What an FMU gets, to the simulation."""
+    sim.set_many({n: given[n] for n in ("speed_ref_rpm", "load_Nm", "vdc_V") if n in given})
+    if "break_u1" in given:
+        sim.break_leg("u1", ("none", "open")[given["break_u1"]])
+    if given.get("run") is True:
+        sim.start()
+    if given.get("run") is False:
+        sim.stop()
+
+
 class Fmu:
     """One instance of an unpacked FMU. `said`: what its logger has told, (status, line)."""
 

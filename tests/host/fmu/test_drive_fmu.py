@@ -13,7 +13,7 @@ from hexatorque.plant.vsd import inverse
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install fmpy")
 from fmpy.fmi1 import FMICallException  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
-from fmu_masters import LEGS, Fmu, made_once, same  # noqa: E402
+from fmu_masters import COURSES, LEGS, Fmu, command, made_once, same  # noqa: E402
 
 SHORT = {"controller.calibration_s": 0.01, "controller.build_s": 0.1}
 ARC = {"inverter.arc_V": 25.0, "inverter.restrike_V_per_ms": 50.0, "inverter.bounce_ms": 2.0}
@@ -54,25 +54,7 @@ def made(request, tmp_path_factory):
 
 
 def course(k):
-    """References, load and breaks before period k."""
-    return {
-        20: {"run": True, "speed_ref_rpm": 200.0},
-        1500: {"load_Nm": 0.4, "vdc_V": 290.0},
-        1700: {"break_u1": 1},
-        2000: {"break_u1": 0},
-        2200: {"run": False},
-    }.get(k, {})
-
-
-def command(sim, given):
-    """The same to the simulation."""
-    sim.set_many({n: given[n] for n in ("speed_ref_rpm", "load_Nm", "vdc_V") if n in given})
-    if "break_u1" in given:
-        sim.break_leg("u1", ("none", "open")[given["break_u1"]])
-    if given.get("run") is True:
-        sim.start()
-    if given.get("run") is False:
-        sim.stop()
+    return COURSES["drive"].get(k, {})
 
 
 @pytest.mark.parametrize("what", [what for what in SETUPS if what != "shorted"])

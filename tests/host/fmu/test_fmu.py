@@ -16,7 +16,16 @@ from hexatorque.results import waiting
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install fmpy")
 from fmpy.fmi1 import FMICallException  # noqa: E402
-from fmu_masters import LEGS, Fmu, Plant, made_once, registers_of, same  # noqa: E402
+from fmu_masters import (  # noqa: E402
+    COURSES,
+    LEGS,
+    Fmu,
+    Plant,
+    command,
+    made_once,
+    registers_of,
+    same,
+)
 
 #: A start that does not take long.
 SHORT = {"controller.calibration_s": 0.01, "controller.build_s": 0.1}
@@ -38,27 +47,6 @@ def made(request, tmp_path_factory):
     return make
 
 
-def course(k):
-    """References and commands before period k: a start, a speed step, a stop."""
-    if k == 20:
-        return {"run": True, "speed_ref_rpm": 200.0}
-    if k == 1800:
-        return {"speed_ref_rpm": -150.0}
-    if k == 2500:
-        return {"run": False}
-    return {}
-
-
-def command(sim, given):
-    """The same to the simulation."""
-    if "speed_ref_rpm" in given:
-        sim.set("speed_ref_rpm", given["speed_ref_rpm"])
-    if given.get("run") is True:
-        sim.start()
-    if given.get("run") is False:
-        sim.stop()
-
-
 @pytest.mark.parametrize(
     "name, changes",
     [
@@ -75,7 +63,7 @@ def test_it_computes_the_bits_of_the_simulation(made, name, changes):
     names = [n for n in fmu.variables if n.startswith("channel.")]
     states, levels = set(), set()
     for k in range(2700):
-        given = course(k)
+        given = COURSES["controller"].get(k, {})
         command(plant.sim, given)
         plant.step()
         fmu.set(**plant.inputs, **given)

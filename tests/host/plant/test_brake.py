@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hexatorque import SetupError, SimulatedDrive, firmware, load
+from hexatorque.plant.pins import high
 
 NAME = "paper-a-feasible"
 HOLDS_NM = 12.0
@@ -20,6 +21,22 @@ def drive(**more):
 
 def told_open(sim):
     return bool(int(sim.controller.channel("outputs")) & OUT)
+
+
+@pytest.mark.parametrize("device", ("f28335", "f28377s"))
+@pytest.mark.parametrize("of", ("brake", "relay", "chopper"))
+def test_a_pin_is_high_only_as_an_output(device, of):
+    """Until it is one, the board pulls it down, whatever its level register has."""
+    link = {"inverter.link_F": 1e-3, "inverter.precharge_ohm": 10.0, "inverter.chopper_ohm": 40.0,
+            "controller.chopper_on_V": 310.0, "controller.chopper_off_V": 300.0}  # fmt: skip
+    sim = drive(**link, **{"timing.device": device})
+    pin = {"brake": sim.brake.pin, "relay": sim.inverter.link.relay,
+           "chopper": sim.inverter.link.chopper}[of]  # fmt: skip
+    words = np.array(sim.controller.register_words())
+    for level, drives in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        for address, bit in ((pin.level, level), (pin.drives, drives)):
+            words[address] = int(words[address]) & ~(1 << int(pin.bit)) | bit << int(pin.bit)
+        assert high(pin, words) == (level and drives)
 
 
 def test_a_closed_brake_holds_what_it_can_and_slips_under_more():

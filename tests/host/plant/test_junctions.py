@@ -29,15 +29,16 @@ def made(**values):
     return inverter, Junctions(VALUES | values, inverter, NO_ENERGY)
 
 
-def test_a_junction_follows_the_step_response_of_its_chain_and_ends_at_the_sum_of_its_resistances():
+@pytest.mark.parametrize("lapse", (1.0, 4.0))
+def test_a_junction_follows_the_step_response_of_its_chain_and_ends_at_its_resistances(lapse):
     """theta = P (sum R_n (1 - exp(-t/tau_n)) + R_sink (1 - exp(-t/tau_sink)))."""
-    inverter, junctions = made()
-    power_W = 30.0
-    for n in range(1, 4001):
+    inverter, junctions = made(time_lapse=lapse)
+    power_W, steps = 30.0, round(4000 / lapse)
+    for n in range(1, steps + 1):
         inverter.junctions.switching_J[2, 0] = power_W * STEP_S
         junctions.advance(STEP_S)
-        if n in (1, 2, 20, 200, 4000):
-            t = n * STEP_S
+        if n in (1, 2, 20, 200, steps):
+            t = n * STEP_S * lapse
             rise = sum(r * (1 - np.exp(-t / s)) for r, s in zip(CHAIN, TIMES))
             sink = 0.5 * (1 - np.exp(-t / 3.0))
             found = junctions.junction_degC

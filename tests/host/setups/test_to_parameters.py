@@ -8,6 +8,7 @@ from hexatorque.chips import range_of
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.firmware import Controller
 from hexatorque.plant.machines import constants_of
+from hexatorque.setups.review import review
 from hexatorque.setups.to_parameters import NOT_ON_A_BOARD, not_on_a_board
 
 VARIANTS = [
@@ -76,6 +77,64 @@ def test_derived_values_from_first_principles():
     assert values["flux_trip_Wb"] == pytest.approx(1.25)
 
 
+STAGE = {
+    "inverter.v_switch_V": 1.2, "inverter.v_diode_V": 1.2, "inverter.r_switch_ohm": 0.02,
+    "inverter.r_diode_ohm": 0.01, "heat.switch_K_W": [0.1, 0.2, 0.3, 0.4],
+    "heat.switch_s": [0.01, 0.1, 1.0, 2.0], "heat.diode_K_W": [0.1, 0.1, 0.1, 0.1],
+    "heat.diode_s": [0.3, 0.3, 0.3, 0.3], "heat.devices_degC": 30.0,
+}  # fmt: skip
+
+
+def test_the_heat_of_the_devices_from_first_principles():
+    """A current that stands flows through a leg's switch and diode in turn: half of a loss by the
+    thresholds heats the switch, and all commutations do. 80 K make it 32 % more resistive."""
+    base = setups.load("paper-b").changed(STAGE)
+    cold = base.changed({"inverter.r_switch_ohm": 0.0, "inverter.r_diode_ohm": 0.0})
+    plain = setups.parameters(cold)
+    assert plain["device_K_W"] == pytest.approx(0.5) and plain["device_nJ_VA"] == 0
+    assert plain["device_s"] == pytest.approx(0.001 + 0.02 + 0.3 + 0.8)
+    assert setups.parameters(cold.changed({"heat.time_lapse": 10.0}))["device_s"] == (
+        pytest.approx(0.1121)
+    )
+    assert setups.parameters(base)["device_ohm"] == (
+        pytest.approx(0.5 * (0.02 * (1 + 80 * 4e-3) + 0.01 * (1 + 80 * 2e-3)))
+    )
+    # 5 mJ at 500 V and 20 A: as much as 0.5 uJ/VA times 10 kHz and 250 V, 1.25 V.
+    energies = {"inverter.e_on_mJ": 3.0, "inverter.e_off_mJ": 2.0, "inverter.e_ref_V": 500.0,
+                "inverter.e_ref_A": 20.0}  # fmt: skip
+    switched = setups.parameters(cold.changed(energies))
+    volts = 500e-9 * float(switched["f_isr_Hz"]) * cold["inverter.vdc_V"]
+    assert switched["device_nJ_VA"] == pytest.approx(500.0)
+    assert switched["device_K_W"] == pytest.approx((0.6 + volts) / (1.2 + volts))
+    # A diode that is the hotter one, and a heat sink, with and without a thermistor.
+    diode = cold.changed({"heat.diode_K_W": [1.0] * 4, "heat.sink_K_W": 0.05})
+    values = setups.parameters(diode)
+    assert values["device_K_W"] == pytest.approx(2.0 + 0.3)
+    assert values["device_s"] == pytest.approx(0.3)
+    seen = setups.parameters(diode.changed({"sensors.sink_ntc_ohm": 5e3}))
+    assert seen["device_K_W"] == pytest.approx(2.0)
+
+
+def test_check_says_where_the_drive_is_told_other_devices_than_the_plant_has():
+    base = setups.load("paper-b").changed(STAGE)
+
+    def notes(**changes):
+        found = review(base.changed({f"controller.{k}": v for k, v in changes.items()}), ())
+        return [(f.subject, f.verdict) for f in found if "devices" in f.subject and f.advice]
+
+    right = setups.parameters(base)
+    assert notes() == [] and notes(device_K_W=right["device_K_W"]) == []
+    rise, time = "rise of the devices as the drive computes it", "time constant of the devices"
+    for changes, subject in (
+        ({"device_K_W": 0.0}, rise),
+        ({"device_K_W": 0.8 * right["device_K_W"]}, rise),
+        ({"device_ohm": 2.0, "device_K_W": right["device_K_W"]}, rise),
+        ({"device_s": 2 * right["device_s"]}, time),
+    ):
+        ((told, verdict),) = notes(**changes)
+        assert told.startswith(subject) and verdict == "note"
+
+
 #: A drive with magnets, with what a file must give.
 MAGNET = """
 [machine]
@@ -111,6 +170,7 @@ def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_d
         "controller.vdc_max_V": 570.0, "sensors.vdc_full_V": 800.0, "inverter.line_Hz": 50.0,
         "inverter.source_H": 1e-3, "inverter.precharge_ohm": 10.0, "inverter.e_on_mJ": 1.0,
         "heat.switch_K_W": [0.1, 0.1, 0.1, 0.1], "load.holding_Nm": 5.0,
+        "inverter.r_switch_ohm": 0.1, "inverter.r_diode_ohm": 0.1,
         "sensors.winding_ntc_ohm": 10e3, "sensors.sink_ntc_ohm": 10e3,
     }  # fmt: skip
     induction = section != "machine" or key == "model" or key in constants_of("induction")
@@ -123,6 +183,12 @@ def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_d
     )
     if path == "machine.model":
         pytest.skip("the other keys go with it")
+    if section == "rated" or key == "vdc_V":  # at this point the devices are looked at
+        setup = setup.changed({"controller.device_K_W": 1.0})
+    if path.startswith("heat.diode"):  # the hotter kind tells
+        setup = setup.changed({"heat.diode_K_W": [1.0, 1.0, 1.0, 1.0]})
+    if path == "heat.sink_K_W":  # a thermistor tells the rest
+        setup = setup.changed({"sensors.sink_ntc_ohm": 0.0})
     spec = setups.KEYS[section][key]
     before = setup[path]
     if spec.kind == "choice":

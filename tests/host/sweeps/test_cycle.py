@@ -166,6 +166,13 @@ def test_each_choice_of_a_word_has_its_own_bar(tmp_path, monkeypatch):
     assert said["ddr, flux_least_loss off"].startswith(" 2 Wh")
 
 
+def test_a_study_whose_scheme_does_not_vary_has_a_picture(tmp_path):
+    study = Study("paper-b", {"point.speed_rpm": [500, 1000]}, ["loss_W"])
+    for number in range(2):
+        study.results.add(Row(number, (1.0,)))
+    assert study.map(tmp_path / "m.png").read_bytes()[:4] == b"\x89PNG"
+
+
 @pytest.mark.parametrize("over", [1, 2])
 def test_kinds_of_a_scheme_are_not_mixed_over_numbers(tmp_path, monkeypatch, over):
     """They were averaged."""

@@ -13,7 +13,8 @@ a debugger starts the image anew while the gates are on, they must go off before
 
 Two kinds have no fault. The speed reverses, and no gate pulse may be shorter than the power stage
 can make; all other runs count such pulses as well. And the page that has started a drive falls
-silent: the monitor's dead man must stop the drive, in every state in which its gates may be on.
+silent: the monitor's dead man must stop the drive, in every state in which its gates may be on. Of
+a thermistor that stands still the drive cannot know: it must go on.
 
 Machines with magnets have runs of their own (`magnet_faults`).
 """
@@ -35,10 +36,11 @@ from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
 from ...monitor.deadman import DeadMan
 from ...plant.legs import OFF
+from ...plant.link import V
 from ...plant.vsd import PHASES
 from ...serial import wire
 from ...serial.client import HEARTBEAT_S
-from . import magnet_faults
+from . import auxiliaries, magnet_faults
 from .fault_checks import Result, gates_off, shoot_through, sign
 from .grids import Grid
 from .runs import each
@@ -96,6 +98,10 @@ class Fault:
     #: Those whose board can have this fault.
     of_setups: tuple[str, ...] = SETUPS
     drive: type[SimulatedDrive] = SimulatedDrive
+    #: What the set-up needs for it.
+    changes: Callable[[setups.Setup], dict[str, object]] | None = None
+    #: What else must be so once the gates are off. Returns what is wrong, or "".
+    also: Callable[[SimulatedDrive], str] | None = None
 
 
 class HostedDrive(SimulatedDrive):
@@ -325,6 +331,18 @@ def _bad_offset(sim: SimulatedDrive, rng: np.random.Generator) -> None:
     sim.sensors.i_offset_counts[rng.integers(6)] += sign(rng) * 250
 
 
+def _chopper_stays_on(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """Until the resistor's thermal switch opens the trip chain."""
+    auxiliaries.chopper_stays_on(sim)
+    _trip_pin_held(sim, rng)
+
+
+def _trip_pin_under_load(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """A holding brake is open in RUN."""
+    assert auxiliaries.told_open(sim) == (sim.controller.state == firmware.RUN)
+    _trip_pin(sim, rng)
+
+
 class _Names:
     """The firmware's text for a fault, by the name that it has in ht_faults.def."""
 
@@ -407,6 +425,53 @@ FAULTS = (
         GATES_ON,
         of_setups=("paper-b",),
     ),
+    *(
+        Fault(
+            cause,
+            partial(auxiliaries.break_thermistor, place, kind),
+            (cause,),
+            CHECKED,
+            LATER,
+            repair=partial(auxiliaries.mend_thermistor, place),
+            changes=auxiliaries.thermistors,
+        )
+        for (place, kind), cause in auxiliaries.BROKEN.items()
+    ),
+    Fault(
+        "thermistor stuck at too hot a value",
+        auxiliaries.stuck_hot,
+        auxiliaries.HOT,
+        CHECKED,
+        LATER,
+        repair=auxiliaries.cool,
+        changes=auxiliaries.thermistors,
+    ),
+    Fault(
+        "chopper never comes on",
+        auxiliaries.brake_without_chopper,
+        (FOUND.VDC_HIGH,),
+        (firmware.RUN,),
+        2 * LATER,
+        repair=auxiliaries.mend_chopper,
+        changes=auxiliaries.chopper,
+    ),
+    Fault(
+        "chopper stays on, until its resistor's thermal switch opens",
+        _chopper_stays_on,
+        (FOUND.EXTERNAL,),
+        CHECKED,
+        repair=_release_the_trip_pin,
+        changes=auxiliaries.chopper,
+        also=auxiliaries.chopper_told_off,
+    ),
+    Fault(
+        "trip pin, with a holding brake",
+        _trip_pin_under_load,
+        (FOUND.EXTERNAL,),
+        GATES_ON,
+        changes=auxiliaries.brake,
+        also=auxiliaries.brake_told_closed,
+    ),
 )
 
 
@@ -423,7 +488,7 @@ def _without(seed: int) -> dict[str, object]:
 
 
 def _setup(
-    name: str, scheme: str, rng: np.random.Generator, seed: int, slow_Hz: tuple[float, ...] = ()
+    name: str, scheme: str, rng: np.random.Generator, seed: int, fault: Fault | None = None
 ) -> setups.Setup:
     base = setups.load(name)
     trip_A = base.parameter("i_trip_A")
@@ -437,8 +502,10 @@ def _setup(
         "timing__latency": "predicted" if firmware.needs_prediction(scheme) else latency,
         "load__kind": "constant",
     }
-    if slow_Hz:
-        changes["controller__f_slow_Hz"] = float(rng.choice(slow_Hz))
+    if fault and fault.slow_Hz:
+        changes["controller__f_slow_Hz"] = float(rng.choice(fault.slow_Hz))
+    if fault and fault.changes:
+        changes |= fault.changes(base)
     return base.changed(**(changes | _without(seed)))
 
 
@@ -465,6 +532,7 @@ def _bring_to(sim: SimulatedDrive, state: str, rng: np.random.Generator) -> None
     sim.run(float(rng.uniform(0.0, 0.2)), record=False)
     if state == firmware.FAULT:
         sim.set("vdc_V", 0.4 * sim.vdc_V)
+        sim.inverter.link.x[V] = sim.vdc_V  # of a capacitor
         sim.run(0.01, record=False)
         sim.set("vdc_V", sim.setup["inverter.vdc_V"])
 
@@ -494,7 +562,7 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
     """Injects one fault into one drive."""
     rng = np.random.default_rng(seed)
     result = Result(fault.name, state, scheme, setup)
-    sim = fault.drive(_setup(setup, scheme, rng, seed, fault.slow_Hz), 1)
+    sim = fault.drive(_setup(setup, scheme, rng, seed, fault), 1)
     _bring_to(sim, state, rng)
     if sim.controller.state != state:
         result.error = f"{sim.controller.state} instead of {state} before the injection"
@@ -552,7 +620,7 @@ def _latched(
         return "the snapshot is of another interrupt"
     if fault.deadline == NOW and snapshot["state"] != result.state:
         return f"the snapshot says {snapshot['state']}"
-    return _logged(sim)
+    return (fault.also(sim) if fault.also else "") or _logged(sim)
 
 
 #: Turns of the background in which a log is read and all that waits is written; words of a slot;
@@ -892,6 +960,24 @@ def reversal(_: str, scheme: str, setup: str, seed: int) -> Result:
     return result
 
 
+#: The drive cannot know: it must go on.
+STUCK_THERMISTOR = "thermistor stands still"
+
+
+def stuck_thermistor(_: str, scheme: str, setup: str, seed: int) -> Result:
+    rng = np.random.default_rng(seed)
+    result = Result(STUCK_THERMISTOR, firmware.RUN, scheme, setup)
+    base = _setup(setup, scheme, rng, seed)
+    sim = SimulatedDrive(base.changed(auxiliaries.thermistors(base)), 1)
+    _bring_to(sim, firmware.RUN, rng)
+    sim.log_edges(500_000)
+    legs = np.array(sim.inverter.leg)
+    auxiliaries.stuck_cool(sim, rng)
+    sim.run(0.3, record=False)
+    result.error = shoot_through(sim, legs) or ", ".join(sim.faults)
+    return result
+
+
 #: No fault of the drive: the page that has started it falls silent. The monitor stops the drive.
 PAGE_SILENT = "page silent"
 #: Longest time until the gates are off.
@@ -961,6 +1047,7 @@ def one(task: tuple, progress: Progress | None = None) -> dict:
 WITHOUT_FAULT: dict[str, tuple[Callable[..., Result], tuple[str, ...]]] = {
     RESTARTED: (restarted, STATES),
     REVERSAL: (reversal, (firmware.RUN,)),
+    STUCK_THERMISTOR: (stuck_thermistor, (firmware.RUN,)),
     PAGE_SILENT: (page_silent, CHECKED),
 }
 
@@ -995,7 +1082,7 @@ def study(
     rows = []
     named = [(fault.name, fault.found_in) for fault in FAULTS]
     named += [(name, ("start",)) for name in at_the_start]
-    named += [(RESTARTED, STATES), (REVERSAL, ()), (PAGE_SILENT, CHECKED)]
+    named += [(RESTARTED, STATES), (REVERSAL, ()), (STUCK_THERMISTOR, ()), (PAGE_SILENT, CHECKED)]
     named += [(name, (firmware.RUN,)) for name in magnet_faults.CASES]
     for name, found_in in named:
         own = [r for r in results if r.fault == name]

@@ -11,7 +11,7 @@ from campaigns import WHOLE
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.evidence.studies import faults, magnet_faults
+from hexatorque.evidence.studies import auxiliaries, faults, magnet_faults
 from hexatorque.plant.legs import HIGH, LOW, OFF
 
 
@@ -25,7 +25,8 @@ def test_every_fault_is_found_and_named(result):
     for row in result["rows"]:
         assert row["errors"] == [], row["fault"]
         # Half of the damages leave one copy of the set whole, and that copy is taken.
-        least = {faults.DAMAGED_SET: 1 / 3, faults.REVERSAL: 0}.get(row["fault"], 1 / 2)
+        shares = {faults.DAMAGED_SET: 1 / 3, faults.REVERSAL: 0, faults.STUCK_THERMISTOR: 0}
+        least = shares.get(row["fault"], 1 / 2)
         assert row["found"] >= least * row["runs"], row["fault"]
 
 
@@ -33,15 +34,18 @@ def test_in_the_next_interrupt(result):
     """Whatever a sample can show takes one period; the rest its stated time. Without a leg a trip
     may be seen one period later: the latches are looked at one in each period."""
     slow = {f.name for f in faults.FAULTS if f.deadline != faults.NOW}
-    assert len(slow) == 6
+    assert len(slow) == 12
     trips = (
         "trip pin",
         "trip pin held low",
         "over-current between two samples",
         "over-voltage between two samples",
+        "chopper stays on, until its resistor's thermal switch opens",
+        "trip pin, with a holding brake",
     )
+    unseen = faults.REVERSAL, faults.STUCK_THERMISTOR, faults.PAGE_SILENT, *magnet_faults.CASES
     for row in result["rows"]:
-        if row["fault"] not in slow | {faults.REVERSAL, faults.PAGE_SILENT, *magnet_faults.CASES}:
+        if row["fault"] not in slow.union(unseen):
             longest = 2 if row["fault"] in trips else 1
             assert row["periods_max"] in range(1, longest + 1), row["fault"]
 
@@ -178,6 +182,28 @@ def test_gates_that_come_on_again(monkeypatch):
     monkeypatch.setattr(faults, "_disturb", release)
     result = faults.run(find("trip pin"), "run", "ddr", "paper-a-feasible", 1)
     assert result.error in ("a gate came on after the latch", "a leg changed after the latch")
+
+
+def test_a_brake_or_a_chopper_that_stays_on_fails_the_study(monkeypatch):
+    held = find("trip pin, with a holding brake")
+    where = "run", "ddr", "paper-b"
+    assert not faults.run(held, *where, 1).error
+    monkeypatch.setattr(firmware.Controller, "set_trip_pin", lambda *_: None)
+    assert "not found" in faults.run(held, *where, 1).error
+    monkeypatch.undo()
+    monkeypatch.setattr(auxiliaries, "high", lambda *_: 1)
+    assert faults.run(held, *where, 1).error == "the brake's pin is high"
+    never = find("chopper never comes on")
+    assert not faults.run(never, *where, 1).error
+    monkeypatch.setattr(faults.SimulatedDrive, "link_V", 500.0)
+    assert "500 V with the gates off" in faults.run(never, *where, 1).error
+
+
+def test_a_thermistor_that_trips_the_drive_by_standing_still_fails_the_study(monkeypatch):
+    assert not faults.stuck_thermistor("run", "ddr", "paper-a-feasible", 1).error
+    monkeypatch.setattr(auxiliaries, "stuck_cool", auxiliaries.stuck_hot)
+    found = {faults.stuck_thermistor("run", "ddr", "paper-a-feasible", n).error for n in range(6)}
+    assert "power stage hot" in found
 
 
 def test_a_host_that_goes_on_talking_trips_nothing():
