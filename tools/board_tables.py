@@ -125,6 +125,7 @@ def rows(board: str) -> list[tuple[str, str, str, str, str]]:
     found.append(("trip", f"GPIO{table.trip.gpio}", "TZ1" if fixed else "input 1 → TZ1"))
     found.append(("encoder A", f"GPIO{table.encoder_a.gpio}", f"EQEP{table.eqep + 1}A"))
     found.append(("encoder B", f"GPIO{table.encoder_b.gpio}", f"EQEP{table.eqep + 1}B"))
+    found.append(("encoder index", f"GPIO{table.encoder_index.gpio}", f"EQEP{table.eqep + 1}I"))
     found.append(("serial receive", f"GPIO{table.receive.gpio}", "SCIRXDA"))
     found.append(("serial transmit", f"GPIO{table.transmit.gpio}", "SCITXDA"))
     for signal, pin in zip(("precharge relay", "brake", "fan", "chopper"), table.output):

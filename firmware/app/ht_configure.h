@@ -5,6 +5,7 @@
 #define HT_CONFIGURE_H
 
 #include "ht_alignment.h"
+#include "ht_index.h"
 #include "ht_control.h"
 #include "ht_derating.h"
 #include "ht_device_heat.h"
@@ -54,6 +55,7 @@ typedef struct {
     ht_short_circuit_config short_circuit;
     ht_outputs_config outputs;
     ht_ntc_config ntc[HT_SLOW_CHANNELS];
+    ht_index_config index;
 } ht_drive_config;
 
 /** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,

@@ -175,14 +175,15 @@ static inline void protect_after(ht_drive *d)
     }
 }
 
-/* Angle of the d axis as the encoder's count tells it, if that is known. */
+/* Angle of the d axis as the encoder's count tells it, or its count since the index, if that is known. */
 static uint32_t known_angle(const ht_drive *d)
 {
     const ht_alignment_config *c = &d->config->alignment;
     float deg = d->config->params.v[HT_P_rotor_zero_deg];
     float zero = ((deg < 0.0f) ? (deg + 360.0f) : deg) / 360.0f * (float)c->counts_rev;
-    return ht_electrical((uint32_t)zero % c->counts_rev, (int32_t)d->samples.position,
-                         c->pole_pairs, c->counts_rev);
+    uint32_t moved = d->samples.position - (d->config->index.used ? d->index.reference : 0u);
+    return ht_electrical((uint32_t)zero % c->counts_rev, (int32_t)moved, c->pole_pairs,
+                         c->counts_rev);
 }
 
 /* The gates are off: the flux goes on with the shaft. */

@@ -60,6 +60,9 @@ ht_result ht_drive_start(ht_drive *d)
     if (d->short_circuit.on != 0u) {
         return HT_ERROR_SHORT_CIRCUIT;
     }
+    if (ht_config_in_force(d)->index.used && !d->index.known) {
+        return HT_ERROR_INDEX;
+    }
     if (!ht_finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm]) && !ht_drive_can_catch(d)) {
         return HT_ERROR_TURNING;
     }

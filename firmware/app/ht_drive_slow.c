@@ -77,6 +77,7 @@ static void measure_speed(ht_drive *d, const ht_drive_config *c)
     d->position_last = position;
     ht_port_read_capture(d->port, &capture);
     d->speed_rpm = ht_speed_measure_step(&c->measure, &d->measured, moved, &capture);
+    ht_index_step(&c->index, &d->index, position, &capture);
 }
 
 /* The flux builds up: R_s is learnt, and the checks follow the flux. Returns the faults that are found. */
@@ -148,11 +149,16 @@ static void switch_outputs(ht_drive *d, const ht_drive_config *c)
 void ht_drive_slow_isr(ht_drive *d)
 {
     uint32_t faults = 0u; /* written once: the fast interrupt may read them at any time */
+    uint32_t lasting;
     const ht_drive_config *c = ht_config_in_force(d); /* once: nor must it change half-way */
     look_for_interrupt(d);
     forget_trips(d, c->params.v);
     measure_speed(d, c);
     ht_drive_follow_heat(d, c);
+    lasting = d->heat_faults;
+    if (c->index.used && !d->index.known) { /* it was at the start */
+        lasting |= HT_FAULT_ENCODER;
+    }
     if (c->short_circuit.allowed) {
         ht_short_circuit_follow(&c->short_circuit, &d->short_circuit,
                                 d->speed_rpm / c->protect.rpm_per_rad_s);
@@ -160,7 +166,7 @@ void ht_drive_slow_isr(ht_drive *d)
     if (d->state == (uint16_t)HT_STATE_RUN) {
         faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm,
                                  d->in.inv_flux_ref2);
-        d->slow_faults = faults | d->heat_faults;
+        d->slow_faults = faults | lasting;
         if (c->control.observer.magnets) {
             ht_leg_loss_tolerate(&d->control.leg_loss, c->params.v[HT_P_rs_ohm],
                                  c->params.v[HT_P_lxy_H], d->control.observer.omega_sync_rad_s);
@@ -179,7 +185,7 @@ void ht_drive_slow_isr(ht_drive *d)
         if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->control.observer.magnets) {
             faults = follow_build(d, c);
         }
-        d->slow_faults = faults | d->heat_faults;
+        d->slow_faults = faults | lasting;
     }
     switch_outputs(d, c);
 }

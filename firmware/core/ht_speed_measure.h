@@ -27,12 +27,14 @@ enum { HT_CAPTURE_COUNTS = 4 };
 
 /** The capture unit's values. Flags: events since it was read last. */
 typedef struct {
-    uint16_t period_ticks; /**< between the last two unit events, capture clock */
-    uint16_t age_ticks;    /**< since the last unit event, capture clock */
-    bool event;            /**< there was a unit event */
-    bool overflow;         /**< the timer went past 65535 ticks */
-    bool reversed;         /**< the direction changed */
-    bool forward;          /**< direction of the last edge */
+    uint16_t period_ticks;   /**< between the last two unit events, capture clock */
+    uint16_t age_ticks;      /**< since the last unit event, capture clock */
+    bool event;              /**< there was a unit event */
+    bool overflow;           /**< the timer went past 65535 ticks */
+    bool reversed;           /**< the direction changed */
+    bool forward;            /**< direction of the last edge */
+    bool index;              /**< there was an index pulse */
+    uint32_t index_position; /**< where the latest one rose, counts; only with `index` */
 } ht_capture;
 
 typedef struct {

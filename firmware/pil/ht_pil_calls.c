@@ -8,7 +8,8 @@ enum {
     FORWARD = 0x08,
     OVERRUN = 0x10,
     TRIP_PIN_LOW = 0x20,
-    INTERRUPT_LOST = 0x40
+    INTERRUPT_LOST = 0x40,
+    INDEX = 0x80
 };
 
 void ht_pil_hardware_add(ht_packet *p, const ht_pil_hardware *hardware)
@@ -44,6 +45,7 @@ void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in)
     flags |= flag(in->overrun, OVERRUN);
     flags |= flag(in->trip_pin_low, TRIP_PIN_LOW);
     flags |= flag(in->interrupt_lost, INTERRUPT_LOST);
+    flags |= flag(in->capture.index, INDEX);
     for (channel = 0u; channel < (uint16_t)HT_ADC_CHANNELS; channel++) {
         ht_packet_add16(p, in->samples.adc[channel]);
     }
@@ -55,6 +57,9 @@ void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in)
     ht_packet_add8(p, in->beyond);
     for (channel = 0u; channel < (uint16_t)HT_SLOW_CHANNELS; channel++) {
         ht_packet_add16(p, in->slow[channel]);
+    }
+    if (in->capture.index) {
+        ht_packet_add32(p, in->capture.index_position);
     }
 }
 
@@ -74,6 +79,8 @@ void ht_pil_inputs_take(ht_reader *r, ht_pil_inputs *in)
     for (channel = 0u; channel < (uint16_t)HT_SLOW_CHANNELS; channel++) {
         in->slow[channel] = ht_read16(r);
     }
+    in->capture.index = (flags & (uint16_t)INDEX) != 0u;
+    in->capture.index_position = in->capture.index ? ht_read32(r) : 0u;
     in->capture.event = (flags & (uint16_t)EVENT) != 0u;
     in->capture.overflow = (flags & (uint16_t)OVERFLOW) != 0u;
     in->capture.reversed = (flags & (uint16_t)REVERSED) != 0u;

@@ -6,7 +6,8 @@
 
 #include <string.h>
 
-#define QEPSTS 0x1Cu /* of the eQEP */
+#define QFLG 0x19u /* of the eQEP */
+#define QEPSTS 0x1Cu
 
 /* --- images --------------------------------------------------------------------- */
 
@@ -216,7 +217,9 @@ static void look(ht_link *l, ht_pil_inputs *in)
 {
     uint32_t accesses = l->registers.accesses;
     uint16_t *status = ht_regfile_word(&l->registers, l->port.map->eqep + QEPSTS);
+    uint16_t *latched = ht_regfile_word(&l->registers, l->port.map->eqep + QFLG);
     uint16_t flags = *status;
+    uint16_t latches = *latched;
     uint16_t leg;
     ht_port_read(&l->port, &in->samples);
     ht_port_read_capture(&l->port, &in->capture);
@@ -235,6 +238,7 @@ static void look(ht_link *l, ht_pil_inputs *in)
     }
     in->overrun = false; /* no conversion ends during an interrupt here */
     *status = flags;
+    *latched = latches;
     l->registers.accesses = accesses;
 }
 

@@ -3,8 +3,8 @@
 #include "port.h"
 
 #define LEG_REGISTERS 21
-/* Of the eQEP what the drivers use: QPOSCNT to QPOSMAX, QDECCTL to QCPRD. */
-#define EQEP_POSITIONS 0x06u
+/* Of the eQEP what the drivers use: QPOSCNT to QPOSILAT, QDECCTL to QCPRD. */
+#define EQEP_POSITIONS 0x0Au
 #define EQEP_CONTROLS 0x14u
 #define EQEP_WORDS 0x1Fu
 #define ABSENT 0xFFFFu /* ht_c2000_map.h */

@@ -36,6 +36,7 @@ typedef struct {
     uint16_t eqep; /**< eQEP module of the encoder, 0 = eQEP1 */
     ht_pin encoder_a;
     ht_pin encoder_b;
+    ht_pin encoder_index;
     ht_pin receive;
     ht_pin transmit;
     /** ADC inputs. F28377S: u1 w1 v1 and Vdc are ADC-A's, u2 w2 v2 ADC-B's, one of each at a

@@ -2,23 +2,30 @@
 #include "ht_drivers.h"
 
 /* Words from the module's first register */
-#define QPOSCNT 0x00u /* 32 bits */
-#define QPOSMAX 0x04u /* 32 bits */
+#define QPOSCNT 0x00u  /* 32 bits */
+#define QPOSMAX 0x04u  /* 32 bits */
+#define QPOSILAT 0x08u /* 32 bits */
 #define QDECCTL 0x14u
 #define QEPCTL 0x15u
 #define QCAPCTL 0x16u
+#define QFLG 0x19u
+#define QCLR 0x1Au
 #define QEPSTS 0x1Cu
 #define QCTMR 0x1Du
 #define QCPRD 0x1Eu
-/* QEPCTL: run on under the debugger, reset at QPOSMAX, counter enabled */
+/* QEPCTL: run on under the debugger, reset at QPOSMAX and not at the index, latch at the index's rise,
+ * counter enabled */
 #define QEPCTL_FREE_RUN 0x8000u
 #define QEPCTL_PCRM_MAX 0x1000u
+#define QEPCTL_IEL_RISE 0x0010u
 #define QEPCTL_QPEN 0x0008u
 /* QCAPCTL: CCPS divides SYSCLKOUT by 2^CCPS, UPPS makes every 2^UPPS-th edge a unit event */
 #define QCAPCTL_CEN 0x8000u
 #define QCAPCTL_CCPS_128 0x0070u
 #define QCAPCTL_UPPS_4 0x0002u
 #define CAPTURE_CLOCK_DIVIDER 128.0f
+/* QFLG and QCLR: the index has latched the counter */
+#define QFLG_IEL 0x0400u
 /* QEPSTS */
 #define QEPSTS_UPEVNT 0x0080u
 #define QEPSTS_QDF 0x0020u
@@ -30,7 +37,8 @@ void ht_eqep_start(ht_port *port)
     uint32_t eqep = port->eqep;
     HT_WR16(port->io, eqep + QDECCTL, 0u); /* quadrature, inputs as they are */
     HT_WR32(port->io, eqep + QPOSMAX, 0xFFFFFFFFu);
-    HT_WR16(port->io, eqep + QEPCTL, QEPCTL_FREE_RUN | QEPCTL_PCRM_MAX | QEPCTL_QPEN);
+    HT_WR16(port->io, eqep + QEPCTL,
+            QEPCTL_FREE_RUN | QEPCTL_PCRM_MAX | QEPCTL_IEL_RISE | QEPCTL_QPEN);
     /* The prescalers change while it is off only. */
     HT_WR16(port->io, eqep + QCAPCTL, QCAPCTL_CCPS_128 | QCAPCTL_UPPS_4);
     HT_WR16(port->io, eqep + QCAPCTL, QCAPCTL_CEN | QCAPCTL_CCPS_128 | QCAPCTL_UPPS_4);
@@ -61,4 +69,10 @@ void ht_port_read_capture(ht_port *port, ht_capture *capture)
     /* Only what was seen: a flag that comes up in between is for the next look. */
     HT_WR16(port->io, eqep + QEPSTS,
             (uint16_t)(status & (QEPSTS_UPEVNT | QEPSTS_COEF | QEPSTS_CDEF)));
+    capture->index = (HT_RD16(port->io, eqep + QFLG) & QFLG_IEL) != 0u;
+    if (capture->index) {
+        /* The flag first: an index that comes in between is found again at the next look. */
+        HT_WR16(port->io, eqep + QCLR, QFLG_IEL);
+        capture->index_position = HT_RD32(port->io, eqep + QPOSILAT);
+    }
 }

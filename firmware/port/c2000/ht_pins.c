@@ -115,8 +115,10 @@ void ht_pins_start(ht_port *port)
     }
     qualify(port, &board->encoder_a);
     qualify(port, &board->encoder_b);
+    qualify(port, &board->encoder_index);
     set_up(port, &board->encoder_a, QUALIFY_SIX, true);
     set_up(port, &board->encoder_b, QUALIFY_SIX, true);
+    set_up(port, &board->encoder_index, QUALIFY_SIX, true);
     HT_EDIS(port->io);
 }
 

@@ -53,6 +53,10 @@ SENSORS = np.dtype(
         ("adc_flag", "i8"),  # word address of the flag that a sequence has ended
         ("adc_flag_bit", "i8"),
         ("encoder_error_cycles", "f8"),  # displacement of the edges of channel B
+        (
+            "index_counts",
+            "i8",
+        ),  # count of the index pulse, the same in each turn; -1: there is none
         ("eqep", "i8"),  # word address of eQEP1
         ("system_clocks", "f8"),  # SYSCLKOUT cycles from sample to sample
         # State of the encoder interface
@@ -106,6 +110,9 @@ def sensors_record(
         adc_flag=int(chip.adc_flag),
         adc_flag_bit=int(chip.adc_flag_bit),
         encoder_error_cycles=value("encoder_error_cycles"),
+        index_counts=round(value("encoder_index_deg") / 90 * value("encoder_ppr"))
+        if value("encoder_index_deg") > 0
+        else -1,
         eqep=eqep,
         system_clocks=period_s * float(chip.system_clock_Hz),
         position_counts=0.0,
@@ -132,7 +139,8 @@ def thermistor_share(ohm: float, pull_up_ohm: float) -> float:
 
 
 #: eQEP: offsets in words, and bits.
-QCAPCTL, QEPSTS, QCTMR, QCPRD = 0x16, 0x1C, 0x1D, 0x1E
+QPOSILAT, QEPCTL, QCAPCTL, QFLG, QEPSTS, QCTMR, QCPRD = 0x08, 0x15, 0x16, 0x19, 0x1C, 0x1D, 0x1E
+IEL, IEL_RISE, INDEX_LATCHED = 0x30, 0x10, 0x0400
 CEN, UPEVNT, QDF, COEF, CDEF = 0x8000, 0x80, 0x20, 0x08, 0x04
 TIMER = 1 << 16
 
@@ -230,6 +238,27 @@ def _capture(se, counts, end, regs):
 
 
 @compiled
+def _index(se, end, regs):
+    """The index pulse, high while the counter shows its count: its latest rise since the last
+    sample latches the counter. Before `_capture`.
+
+    end: as the counter shows it.
+    """
+    turn = np.int64(se.encoder_counts_rev)
+    rise = end - (end - se.index_counts) % turn
+    passed = rise > se.counter
+    if end < se.counter:
+        if rise < end:
+            rise += turn
+        passed = rise < se.counter
+    if passed and np.int64(regs[se.eqep + QEPCTL]) & IEL == IEL_RISE:
+        position = rise & 0xFFFFFFFF
+        regs[se.eqep + QPOSILAT] = np.uint16(position & 0xFFFF)
+        regs[se.eqep + QPOSILAT + 1] = np.uint16(position >> 16)
+        regs[se.eqep + QFLG] |= np.uint16(INDEX_LATCHED)
+
+
+@compiled
 def filter_currents(se, m, y, dt):
     """Advance the current filters over the dt that ended at state y. A first-order lag
     tau di_f/dt = i - i_f, exact for currents that are straight lines over dt."""
@@ -295,4 +324,6 @@ def sample(se, m, y, vdc, regs):
     position = counter & 0xFFFFFFFF
     regs[se.eqep] = np.uint16(position & 0xFFFF)
     regs[se.eqep + 1] = np.uint16(position >> 16)
+    if se.index_counts >= 0:
+        _index(se, counter, regs)
     _capture(se, turned, counter, regs)

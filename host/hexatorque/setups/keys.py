@@ -209,6 +209,13 @@ KEYS: dict[str, dict[str, Key]] = {
         "encoder_error_cycles": _n(
             "rise of the encoder's channel B late, fall early by this", "cycles", 0, 0.1, 0.0
         ),
+        "encoder_index_deg": _n(
+            "where the encoder has its index pulse: how far the shaft turns to it; 0 = it has none",
+            "deg",
+            0,
+            360,
+            0.0,
+        ),
         "encoder_wires": Key(
             "choice", "how the encoder is connected", choices=ENCODER_WIRES, default="straight"
         ),

@@ -628,6 +628,12 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
         "L_d over L_q", m.ld_H / m.lq_H, 1.0, "",
         "the d axis is the magnets' north pole: are machine.ld_H and machine.lq_H exchanged?",
     )  # fmt: skip
+    if p("rotor_start") == "index" and d.setup["sensors.encoder_index_deg"] == 0:
+        yield Finding(
+            "encoder without an index", 0.0, "", 0.0, "", "bad",
+            "controller.rotor_start = index needs one: sensors.encoder_index_deg must be above 0, "
+            "360 at most",
+        )  # fmt: skip
     if _short_circuits(d):
         yield _told(
             "speed from which on the trip state is a short circuit", m.ceiling_rpm(d.vdc_V), "r/min"

@@ -200,6 +200,7 @@ NOT_ON_A_BOARD = {
         "i_noise_A",
         "noise_seed",
         "encoder_error_cycles",
+        "encoder_index_deg",
         "encoder_wires",
     ),
     "timing": ("device",),

@@ -250,7 +250,7 @@ def test_sci_reads_only_the_requested_number(started):
 
 def pins(board):
     return {name: getattr(board, name) for name in
-            ("trip", "encoder_a", "encoder_b", "receive", "transmit")}  # fmt: skip
+            ("trip", "encoder_a", "encoder_b", "encoder_index", "receive", "transmit")}  # fmt: skip
 
 
 def test_pwm_pins_come_last(started):
@@ -266,7 +266,7 @@ def test_pwm_pins_come_last(started):
 def test_other_pins(started):
     used = pins(started.board)
     want = {"trip": (ASYNC, False), "encoder_a": (SIX_SAMPLES, True),
-            "encoder_b": (SIX_SAMPLES, True),
+            "encoder_b": (SIX_SAMPLES, True), "encoder_index": (SIX_SAMPLES, True),
             "receive": (ASYNC, True), "transmit": (SYNC, True)}  # fmt: skip
     for name, (qualify, pull_up) in want.items():
         assert started.pin(used[name].gpio) == (used[name].mux, qualify, pull_up, False)
@@ -280,7 +280,7 @@ def test_encoder_inputs_are_filtered_but_not_too_much(started):
     sampling periods and a clock. Spikes of 0.3 us must not count; the levels of an encoder of
     1 MHz a channel must, even if they last for only 45 % of its period."""
     clock = SYSCLK[started.name]
-    for pin in (started.board.encoder_a, started.board.encoder_b):
+    for pin in (started.board.encoder_a, started.board.encoder_b, started.board.encoder_index):
         first, stride = GPIO[started.name]
         control = started.long(first + pin.gpio // 32 * stride)
         qualprd = control >> 8 * (pin.gpio % 32 // 8) & 0xFF
@@ -305,15 +305,28 @@ def test_pins_are_what_the_data_sheet_offers(started):
         assert board.modules >> module & 1
     assert board.modules & 1  # ePWM1 starts the ADC
     functions = {
-        "f28335": {(12, 1): "TZ1", (20, 1): "A", (21, 1): "B", (28, 1): "RX", (29, 1): "TX"},
-        "f28377s": {(20, 1): "A", (21, 1): "B", (28, 1): "RX", (29, 1): "TX"},
-        "launchxl_f28377s": {(62, 5): "A", (63, 5): "B", (85, 5): "RX", (84, 5): "TX"},
+        "f28335": {
+            (12, 1): "TZ1",
+            (20, 1): "A",
+            (21, 1): "B",
+            (23, 1): "I",
+            (28, 1): "RX",
+            (29, 1): "TX",
+        },
+        "f28377s": {(20, 1): "A", (21, 1): "B", (23, 1): "I", (28, 1): "RX", (29, 1): "TX"},
+        "launchxl_f28377s": {
+            (62, 5): "A",
+            (63, 5): "B",
+            (65, 5): "I",
+            (85, 5): "RX",
+            (84, 5): "TX",
+        },
     }[started.name]
     used = pins(board)
     found = [functions.get((used[n].gpio, used[n].mux)) for n in list(used)[1:]]
-    assert found == ["A", "B", "RX", "TX"]
+    assert found == ["A", "B", "I", "RX", "TX"]
     everything = [p.gpio for p in (*board.pwm, *used.values())]
-    assert len(set(everything)) == 17
+    assert len(set(everything)) == 18
 
 
 def test_launchpad_uses_pins_that_exist():
@@ -450,11 +463,11 @@ def test_no_gate_of_the_launchpad_is_on_its_leds():
     """GPIO12 and GPIO13 have the board's LEDs, which pull the pins up while they are inputs, as in
     every reset. A gate driver there could switch on."""
     board = lib.ht_board_launchxl_f28377s
-    pins = [board.pwm[n].gpio for n in range(12)]
-    assert not {12, 13} & set(pins)
-    others = (board.trip, board.encoder_a, board.encoder_b, board.receive, board.transmit)
+    pwm = [board.pwm[n].gpio for n in range(12)]
+    assert not {12, 13} & set(pwm)
+    others = pins(board).values()
     outputs = [pin.gpio for pin in board.output]
-    assert len({*pins, *(pin.gpio for pin in others), *outputs}) == 12 + 5 + 4
+    assert len({*pwm, *(pin.gpio for pin in others), *outputs}) == 12 + 6 + 4
     assert not {12, 13} & set(outputs)
 
 
@@ -496,7 +509,7 @@ def test_pins_that_end_in_the_package_are_pulled_up(name):
         assert (UNBONDED - {96, 97, 98}) | beyond <= up
         assert up - UNBONDED - beyond <= {pin.gpio for pin in pins(started.board).values()}
     elif name == "f28377s":
-        assert up == {20, 21, 28, 29}
+        assert up == {20, 21, 23, 28, 29}
     assert started.rf.violations == 0
 
 

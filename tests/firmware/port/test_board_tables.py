@@ -30,7 +30,7 @@ def test_a_table_in_words(board):
     table = getattr(lib, f"ht_board_{board}")
     rows = doc_page.read_data(PAGE, f"pins-{board}")[1:]
     signals = {row[0]: row[1:] for row in rows}
-    assert len(signals) == len(rows) == 12 + 5 + 4 + 7 + 2
+    assert len(signals) == len(rows) == 12 + 6 + 4 + 7 + 2
     pins = [row[1] for row in rows]
     assert len(set(pins)) == len(pins)
     for leg, name in enumerate(("u1", "u2", "w1", "w2", "v1", "v2")):
@@ -44,6 +44,7 @@ def test_a_table_in_words(board):
         assert digits == [str(number % 8 if table.map.adc_sequencer else number)]
     for signal, pin in (
         ("trip", table.trip), ("encoder A", table.encoder_a), ("encoder B", table.encoder_b),
+        ("encoder index", table.encoder_index),
         ("serial receive", table.receive), ("serial transmit", table.transmit),
         ("precharge relay", table.output[0]), ("brake", table.output[1]), ("fan", table.output[2]),
         ("chopper", table.output[3]),

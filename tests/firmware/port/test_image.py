@@ -399,9 +399,9 @@ FAULTS = {
         F28377S, "ht_pins.c",
         "        HT_WR16(port->io, port->map->trip_select, board->trip.gpio);\n", "", "-INPUTXBAR"),
     "two channels exchanged": (
-        F28377S, "ht_board.c", ".encoder_b = {21u, 1u},\n    .receive = {28u, 1u},\n"
+        F28377S, "ht_board.c", ".encoder_index = {23u, 1u},\n    .receive = {28u, 1u},\n"
         "    .transmit = {29u, 1u},\n    .channel = {2u, 2u, 3u, 3u, 4u",
-        ".encoder_b = {21u, 1u},\n    .receive = {28u, 1u},\n"
+        ".encoder_index = {23u, 1u},\n    .receive = {28u, 1u},\n"
         "    .transmit = {29u, 1u},\n    .channel = {3u, 2u, 2u, 3u, 4u",
         "+ADCA.ADCSOC0CTL         0x07410  0x00518013"),
     "two legs exchanged": (

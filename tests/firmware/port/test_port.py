@@ -127,8 +127,9 @@ def test_set_up_of_the_encoder_interface(board):
     assert board.word(address) & bit
     assert board.eqep(0x14) == 0  # QDECCTL: quadrature count mode, nothing inverted
     assert board.eqep(0x04) == board.eqep(0x05) == 0xFFFF  # QPOSMAX
-    # QEPCTL: reset at QPOSMAX only (PCRM = 1), counter enabled, no latch by the unit timer
-    assert board.eqep(0x15) & 0x3FFF == 0x1008
+    # QEPCTL: reset at QPOSMAX only (PCRM = 1), latch at the index's rise (IEL = 1), enabled, no
+    # latch by the unit timer
+    assert board.eqep(0x15) & 0x3FFF == 0x1018
     # QCAPCTL: enabled, SYSCLKOUT / 2^7, unit event every 2^2 edges
     assert board.eqep(0x16) == 0x8000 | 7 << 4 | 2
     assert lib.ht_port_capture_clock_Hz(board.port) == SYSCLKOUT[board.device] / 128
@@ -148,7 +149,8 @@ def test_reading_the_capture_unit(board, bit):
     look = ffi.new("ht_capture *")
     before = board.rf.accesses
     lib.ht_port_read_capture(board.port, look)
-    assert board.rf.accesses - before == 4
+    assert board.rf.accesses - before == 5
+    assert not look.index
     assert (look.age_ticks, look.period_ticks) == (40001, 65535)
     got = {"event": look.event, "forward": look.forward, "overflow": look.overflow,
            "reversed": look.reversed}  # fmt: skip
@@ -156,6 +158,21 @@ def test_reading_the_capture_unit(board, bit):
     assert got == {key: key == name for key in got}
     # Cleared by the look: UPEVNT, COEF, CDEF. Not ours: the first index marker.
     assert board.eqep(0x1C) == (0 if bit in (7, 3, 2) else 1 << bit)
+    assert board.rf.violations == 0
+
+
+def test_reading_the_index_latch(board):
+    """It is reported once."""
+    board.init()
+    base = QPOSCNT[board.device]
+    board.rf.word[base + 0x08], board.rf.word[base + 0x09] = 0x5678, 0x1234
+    board.rf.word[base + 0x19] = 0x0FFF  # every flag
+    look = ffi.new("ht_capture *")
+    lib.ht_port_read_capture(board.port, look)
+    assert look.index and look.index_position == 0x12345678
+    assert board.eqep(0x19) == 0x0BFF  # no other flag is ours
+    lib.ht_port_read_capture(board.port, look)
+    assert not look.index
     assert board.rf.violations == 0
 
 

@@ -14,7 +14,7 @@ from hexatorque.drive import parts
 from hexatorque.plant.machines.induction import Parameters, make
 
 EQEP = {"f28335": 0x6B00, "f28377s": 0x5100}
-QCAPCTL, QEPSTS, QCTMR, QCPRD = 0x16, 0x1C, 0x1D, 0x1E
+QPOSILAT, QEPCTL, QCAPCTL, QFLG, QEPSTS, QCTMR, QCPRD = 0x08, 0x15, 0x16, 0x19, 0x1C, 0x1D, 0x1E
 UPEVNT, QDF, COEF, CDEF = 0x80, 0x20, 0x08, 0x04
 #: Capture clocks between two samples at 10 kHz: SYSCLKOUT of 150 and 200 MHz, divided by 128.
 TICKS = {"f28335": 150e6 / 128 * 1e-4, "f28377s": 200e6 / 128 * 1e-4}
@@ -61,9 +61,12 @@ class Stepped:
         self._sample, self._x = 0, 0.0
         self.counter, self.timer, self.period, self.status = 0, 0, 0, 0
         self._edges = 0
+        self.index_at, self.latched = None, None
 
     def _edge(self, direction):
         self.counter += direction
+        if self.index_at is not None and (self.counter - self.index_at) % (4 * PPR) == 0:
+            self.latched = self.counter % 2**32
         if (direction > 0) != bool(self.status & QDF):
             self.status = (self.status ^ QDF) | CDEF
         self._edges += 1
@@ -132,6 +135,41 @@ def test_the_capture_unit_agrees_at_every_edge(device, path, channel_b):
         flags |= expected[3]
     wanted = {wander: UPEVNT | CDEF | QDF, fast: UPEVNT | CDEF | QDF, halting: UPEVNT | COEF}
     assert flags & wanted[path] == wanted[path]  # the path has set its flags
+
+
+@pytest.mark.parametrize("index_deg", [0.1, 90.0, 359.9, 360.0])
+@pytest.mark.parametrize("path", [wander, fast, halting])
+@pytest.mark.parametrize("device", EQEP)
+def test_the_index_latches_the_counter_at_every_rise(device, path, index_deg):
+    """The counter itself goes on. Paths that pass the index often, from both sides."""
+    emulated = Emulated(device, encoder_index_deg=index_deg)
+    stepped = Stepped(TICKS[device])
+    stepped.index_at = round(index_deg / 360 * 4 * PPR)
+    base, regs = EQEP[device], emulated.regs
+    regs[base + QEPCTL] = 0x10
+    positions = path(np.random.default_rng(7))
+    around = stepped.index_at if 0.1 < index_deg < 359 else 0
+    found = 0
+    for x in np.linspace(0, around, 3 if around else 1).tolist() + (positions + around).tolist():
+        emulated.turn(x)
+        stepped.turn(x)
+        assert emulated.read() == stepped.read()
+        assert bool(regs[base + QFLG] & 0x0400) == (stepped.latched is not None)
+        if stepped.latched is not None:
+            assert (
+                int(regs[base + QPOSILAT]) | int(regs[base + QPOSILAT + 1]) << 16 == stepped.latched
+            )
+            found += 1
+        regs[base + QFLG], stepped.latched = 0, None
+    assert found or index_deg < 1 or index_deg > 359
+
+
+def test_no_index_latches_unless_the_driver_asks_for_it():
+    for control, index_deg in ((0x00, 10.0), (0x20, 10.0), (0x10, 0.0)):
+        emulated = Emulated("f28335", encoder_index_deg=index_deg)
+        emulated.regs[EQEP["f28335"] + QEPCTL] = control
+        emulated.turn(3 * 4 * PPR)
+        assert not emulated.regs[EQEP["f28335"] + QFLG]
 
 
 @pytest.mark.parametrize(("share", "overflow"), [(-0.05, False), (0.05, True)])

@@ -179,6 +179,7 @@ COURSES = {
                 "sensors.i_noise_A": 0.05,
                 "sensors.i_filter_Hz": 5e3,
                 "sensors.encoder_error_cycles": 0.02,
+                "sensors.encoder_index_deg": 0.5,
                 "sensors.adc_bits": 10,
                 "inverter.min_pulse_us": 1.5,
             },
