@@ -80,8 +80,8 @@ def test_twice_base_speed_and_back(setup, speed_rpm):
 @pytest.mark.parametrize("f_isr_Hz", (10e3, 20e3))
 @pytest.mark.parametrize("scheme", ("db-ipwm", "foc"))
 def test_a_run_up_beyond_the_reach_with_the_full_flux_trips_nothing(scheme, f_isr_Hz):
-    """The flux is short of its reference there, and turns as fast as the shaft. A shaft that is told
-    half as fast is found."""
+    """The flux is short of its reference there, and turns as fast as the shaft. A shaft that is
+    told half as fast is found."""
     base = setups.load("paper-b").with_scheme(
         scheme,
         controller__f_isr_Hz=f_isr_Hz,
