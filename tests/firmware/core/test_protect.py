@@ -379,7 +379,8 @@ def test_shaft_speed_of_every_steady_state(machine, shaft_rpm):
 def mean_errors(length_at, f_slow_Hz, shaft_rpm, told_rpm, by_length, seconds=0.4):
     """The mean error of the speed after each look, without slip. `length_at`: of the flux over its
     reference. The observer's speed is the low pass of 5 ms, at 10 kHz, of the flux's speed times
-    the length squared. by_length: whether the check is told the length, or that of the reference."""
+    the length squared. by_length: whether the check is told the length, or that of the
+    reference."""
     machine, ts_s, lag_s = MACHINES[1], 1e-4, 0.005
     gain = min(1.0, 1 / (0.5 + lag_s * f_slow_Hz))
     cfg = config(machine, short_gain=gain, encoder_gain=1 / (1 + 0.05 * f_slow_Hz))
@@ -399,7 +400,8 @@ def mean_errors(length_at, f_slow_Hz, shaft_rpm, told_rpm, by_length, seconds=0.
 @given(st.floats(0.5, 1.3), st.sampled_from([20.0, 100.0, 500.0, 1000.0]), st.booleans())
 def test_a_flux_that_the_voltage_keeps_short_turns_as_fast_as_the_shaft(length, f_slow_Hz, back):
     """The observer divides by the reference's square, so it tells a short flux too slow: at a
-    length of 0.9 by 19 %. A shaft that is told wrong is found as if the flux had its reference's length."""
+    length of 0.9 by 19 %. A shaft that is told wrong is found as if the flux had its reference's
+    length."""
     shaft_rpm = -4500.0 if back else 4500.0
     right, wrong, wanted = (
         mean_errors(lambda t, of=of: of, f_slow_Hz, shaft_rpm, told * shaft_rpm, True, 1.0)
