@@ -188,12 +188,13 @@ dist: $(VENV)/.installed
 	@$(dist-tools)
 	$(BIN)/python tools/wheels.py
 
+windows = HT_WINDOWS=1 $(BIN)/python -m pytest -o cache_dir=build/pytest/windows tests/windows \
+  $(if $(filter %-quick,$@),-k bits)
 test-windows test-windows-quick: $(VENV)/.installed
 	@$(dist-tools)
 	@command -v wine >/dev/null || tools/setup-wine.sh
 	$(BIN)/python tools/windows.py
-	HT_WINDOWS=1 $(BIN)/python -m pytest -o cache_dir=build/pytest/windows tests/windows \
-	  $(if $(filter %-quick,$@),-k bits)
+	$(windows) || $(windows) --last-failed --last-failed-no-failures none
 
 # A broken link is an error. Missing tools are installed first.
 docs-tools = $(BIN)/python -c 'import latex2mathml, material, minify, mkdocstrings, nbclient, ziglang, zopfli' 2>/dev/null || \
