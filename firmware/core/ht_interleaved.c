@@ -96,11 +96,11 @@ static HT_INTO_CALLERS void shares_of(unsigned a, float sense, ht_ab v, float sh
     float more = fabsf(first + half);
     float zero = 0.5f - 0.25f * (p + (less - more));
     float middle = zero - 0.5f * p;
-    unsigned k;
     share[0] = zero + p;
     share[1] = middle + q;
     share[2] = middle - q;
     if (!(0.5f * (less + more) + half <= 1.0f)) { /* largest less smallest command; NaN is not */
+        unsigned k;
         for (k = 0u; k < 3u; k++) {
             share[k] = ht_between(share[k], 0.0f, 1.0f);
         }
@@ -301,7 +301,8 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     float size2 = command->steady_pu.alpha * command->steady_pu.alpha
                   + command->steady_pu.beta * command->steady_pu.beta;
     bool turned = (a == 1u) && st->opposite;
-    bool rising = (st->quarter < 2u) != turned;
+    bool first = st->quarter < 2u;
+    bool rising = first != turned;
     float sense = rising ? -1.0f : 1.0f;
     h.cfg = cfg;
     h.sense = sense;
