@@ -237,6 +237,7 @@ static void look(ht_link *l, ht_pil_inputs *in)
             (uint16_t)(*ht_regfile_word(&l->registers, result) >> l->port.map->adc_shift);
     }
     in->overrun = false; /* no conversion ends during an interrupt here */
+    in->interrupt_lost = ht_port_interrupt_lost(&l->port);
     *status = flags;
     *latched = latches;
     l->registers.accesses = accesses;

@@ -99,7 +99,7 @@ def test_hardware_that_differs_is_noticed(quick, target):
     sim.start()
     sim.run(0.11)
     registers = sim.controller.registers
-    registers.event_at = registers.accesses + 20
+    registers.event_at = registers.accesses + 26
     with pytest.raises(TargetError, match="host and target see different hardware"):
         sim.run(0.001)
 

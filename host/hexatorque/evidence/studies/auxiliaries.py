@@ -5,19 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ... import setups
+from ... import firmware, setups
 from ...drive.simulated import SimulatedDrive
 from ...plant.pins import high
 
 PLACES = ("winding", "sink")
-#: The firmware's text for each way in which a thermistor breaks, and for what is too hot.
-BROKEN = {
-    ("winding", "open"): "winding's thermistor open",
-    ("winding", "short"): "winding's thermistor shorted",
-    ("sink", "open"): "heat sink's thermistor open",
-    ("sink", "short"): "heat sink's thermistor shorted",
-}
-HOT = ("winding hot", "power stage hot")
+KINDS = ("open", "short")
+#: The firmware's texts for what is too hot.
+HOT = tuple(text for text in firmware.FAULTS.values() if text.endswith(" hot"))
 COOL_DEGC = 40.0
 #: No resistor at all.
 BROKEN_OHM = 1e9
@@ -46,6 +41,13 @@ def brake(setup: setups.Setup) -> dict[str, object]:
         "load.holding_Nm": 2.0 * float(setup.parameter("torque_limit_Nm")),
         "load.holding_open_s": 0.01, "load.holding_close_s": 0.01,
     }  # fmt: skip
+
+
+def broken(place: str, kind: str) -> str:
+    """The firmware's text for a thermistor that breaks so."""
+    words = (place, "thermistor", kind)
+    (found,) = (text for text in firmware.FAULTS.values() if all(word in text for word in words))
+    return found
 
 
 def break_thermistor(place: str, kind: str, sim: SimulatedDrive, rng: np.random.Generator) -> None:

@@ -435,7 +435,9 @@ FAULTS = (
             repair=partial(auxiliaries.mend_thermistor, place),
             changes=auxiliaries.thermistors,
         )
-        for (place, kind), cause in auxiliaries.BROKEN.items()
+        for place in auxiliaries.PLACES
+        for kind in auxiliaries.KINDS
+        for cause in (auxiliaries.broken(place, kind),)
     ),
     Fault(
         "thermistor stuck at too hot a value",
