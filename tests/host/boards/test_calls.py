@@ -117,3 +117,15 @@ def test_ends_with_its_host(program):
     target.close()
     assert child.poll() is not None
     assert subprocess.run(["kill", "-0", str(child.pid)], capture_output=True).returncode
+
+
+def test_a_call_target_is_told_that_the_fast_interrupt_is_lost(quick, target):
+    setup = quick.changed(timing__device="f28377s")
+    sim = SimulatedDrive(setup, 1, target.controller)
+    sim.start()
+    sim.run(0.12)
+    words = sim.controller.register_words()
+    words[0x4093] |= 4  # TZFLG of ePWM1
+    words[0x5017] |= 0x40  # ECFLG of eCAP1: the dead man's time has passed
+    sim.run(0.001)
+    assert sim.controller.faults == [firmware.FAULTS[lib.HT_FAULT_INTERRUPT]]
