@@ -19,15 +19,30 @@ float ht_drive_rotor_Wb(const ht_drive *d)
     return (d->protect.rotor_now_Wb > least_Wb) ? d->protect.rotor_now_Wb : least_Wb;
 }
 
-float ht_drive_follow_along(ht_drive *d, const ht_drive_config *c)
+/* The current along (alpha) and across (beta) the flux of this length, which is above 0. */
+static ht_ab beside_flux_A(const ht_drive *d, float size_Wb)
 {
     ht_ab psi = d->control.estimate.psi_Wb;
     ht_ab i = d->control.observer.i_A;
-    float size = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
+    ht_ab beside;
+    beside.alpha = (psi.alpha * i.alpha + psi.beta * i.beta) / size_Wb;
+    beside.beta = (psi.alpha * i.beta - psi.beta * i.alpha) / size_Wb;
+    return beside;
+}
+
+static float flux_size_Wb(const ht_drive *d)
+{
+    ht_ab psi = d->control.estimate.psi_Wb;
+    return sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
+}
+
+float ht_drive_follow_along(ht_drive *d, const ht_drive_config *c)
+{
+    float size = flux_size_Wb(d);
     float along_A = 0.0f;
     float rise_A;
     if (size > 0.0f) {
-        along_A = (psi.alpha * i.alpha + psi.beta * i.beta) / size
+        along_A = beside_flux_A(d, size).alpha
                   - c->control.observer.inv_sigma_ls * (size - d->in.flux_ref_Wb);
     }
     rise_A = along_A - d->along_A;
@@ -50,6 +65,35 @@ float ht_drive_load(const ht_drive *d, const ht_drive_config *c)
            / (c->control.observer.torque_gain * psi * psi);
 }
 
+/* A leakage that is an estimate is up to twice as large as believed: so much of the believed pull-out
+ * torque there is at least. */
+#define LEAST_PULL_OUT 0.5f
+/* The current along the flux, less the no-load current, over the radius of the circle at the share of
+ * pull-out that is asked for: 1 - cos t, where sin t is 0.8. */
+#define ALONG_AT_SHARE 0.4f
+
+/* The torque limit by the pull-out torque that the current shows, N m; `believed_Nm` where it shows
+ * none. In steady state the current's end is on a circle through the no-load current. Its radius is the
+ * current across the flux at pull-out, and it follows from one point, whatever the leakage is. */
+static float shown_pull_out_Nm(const ht_drive *d, const ht_drive_config *c, float believed_Nm)
+{
+    float size = flux_size_Wb(d);
+    float gain_Nm_A = HT_PULL_OUT_SHARE * c->control.observer.torque_gain * size;
+    float least_Nm = LEAST_PULL_OUT * believed_Nm;
+    ht_ab i;
+    float shown_Nm;
+    if (!(size > 0.0f)) {
+        return believed_Nm;
+    }
+    i = beside_flux_A(d, size);
+    i.alpha -= size / c->protect.ls_H;
+    if (!(gain_Nm_A * i.alpha > ALONG_AT_SHARE * least_Nm)) {
+        return believed_Nm; /* far from pull-out noise would decide */
+    }
+    shown_Nm = 0.5f * gain_Nm_A * (i.alpha + i.beta * i.beta / i.alpha);
+    return (shown_Nm > least_Nm) ? shown_Nm : least_Nm;
+}
+
 /* What the parameters allow, and what flux and current can give. The rotor flux is between now and the
  * next slow interrupt on its way from what it is to what it settles at, and at a given torque the
  * current is largest at one end of this way. */
@@ -60,7 +104,9 @@ static ht_limit torque_limit(const ht_drive *d, const ht_drive_config *c, float 
     float flux_ref = d->flux_ref_Wb;
     unsigned flux = (flux_ref < d->flux_ramp_Wb) ? (unsigned)HT_LIMIT_VOLTAGE
                                                  : (unsigned)HT_LIMIT_FLUX;
-    limit_to(&limit, c->pull_out_Nm_Wb2 * flux_ref * flux_ref, flux);
+    float pull_out_Nm = c->pull_out_Nm_Wb2 * flux_ref * flux_ref;
+    limit_to(&limit, pull_out_Nm, flux);
+    limit_to(&limit, shown_pull_out_Nm(d, c, pull_out_Nm), flux);
     if ((c->params.v[HT_P_flux_least_loss] != 0.0f)
         && (d->flux_ramp_Wb < c->params.v[HT_P_flux_ref_Wb])) {
         limit_to(&limit, c->least_loss.reach_Nm_Wb2 * flux_ref * flux_ref, HT_LIMIT_FLUX);
