@@ -19,30 +19,15 @@ float ht_drive_rotor_Wb(const ht_drive *d)
     return (d->protect.rotor_now_Wb > least_Wb) ? d->protect.rotor_now_Wb : least_Wb;
 }
 
-/* The current along (alpha) and across (beta) the flux of this length, which is above 0. */
-static ht_ab beside_flux_A(const ht_drive *d, float size_Wb)
+float ht_drive_follow_along(ht_drive *d, const ht_drive_config *c)
 {
     ht_ab psi = d->control.estimate.psi_Wb;
     ht_ab i = d->control.observer.i_A;
-    ht_ab beside;
-    beside.alpha = (psi.alpha * i.alpha + psi.beta * i.beta) / size_Wb;
-    beside.beta = (psi.alpha * i.beta - psi.beta * i.alpha) / size_Wb;
-    return beside;
-}
-
-static float flux_size_Wb(const ht_drive *d)
-{
-    ht_ab psi = d->control.estimate.psi_Wb;
-    return sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
-}
-
-float ht_drive_follow_along(ht_drive *d, const ht_drive_config *c)
-{
-    float size = flux_size_Wb(d);
+    float size = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
     float along_A = 0.0f;
     float rise_A;
     if (size > 0.0f) {
-        along_A = beside_flux_A(d, size).alpha
+        along_A = (psi.alpha * i.alpha + psi.beta * i.beta) / size
                   - c->control.observer.inv_sigma_ls * (size - d->in.flux_ref_Wb);
     }
     rise_A = along_A - d->along_A;
@@ -68,30 +53,29 @@ float ht_drive_load(const ht_drive *d, const ht_drive_config *c)
 /* A leakage that is an estimate is up to twice as large as believed: so much of the believed pull-out
  * torque there is at least. */
 #define LEAST_PULL_OUT 0.5f
-/* The current along the flux, less the no-load current, over the radius of the circle at the share of
- * pull-out that is asked for: 1 - cos t, where sin t is 0.8. */
-#define ALONG_AT_SHARE 0.4f
 
 /* The torque limit by the pull-out torque that the current shows, N m; `believed_Nm` where it shows
- * none. In steady state the current's end is on a circle through the no-load current. Its radius is the
- * current across the flux at pull-out, and it follows from one point, whatever the leakage is. */
+ * none. In steady state the current's end is on a circle through the no-load current. One point of it,
+ * beyond that current by along and across the flux, tells the radius, whatever the leakage is:
+ * (along + across^2/along)/2. It is the current across the flux at pull-out. */
 static float shown_pull_out_Nm(const ht_drive *d, const ht_drive_config *c, float believed_Nm)
 {
-    float size = flux_size_Wb(d);
-    float gain_Nm_A = HT_PULL_OUT_SHARE * c->control.observer.torque_gain * size;
+    ht_ab psi = d->control.estimate.psi_Wb;
+    ht_ab i = d->control.observer.i_A;
+    float across_Nm = d->control.estimate.torque_Nm;
+    float ls_H = c->protect.ls_H;
+    float along_Nm =
+        c->control.observer.torque_gain / ls_H
+        * (psi.alpha * (ls_H * i.alpha - psi.alpha) + psi.beta * (ls_H * i.beta - psi.beta));
     float least_Nm = LEAST_PULL_OUT * believed_Nm;
-    ht_ab i;
-    float shown_Nm;
-    if (!(size > 0.0f)) {
-        return believed_Nm;
+    float shown_Nm = believed_Nm;
+    /* At this share of pull-out the current along the flux has risen by half of its part across: sin t
+     * = 0.8, 1 - cos t = 0.4. Far from there noise would decide. */
+    if (along_Nm > (0.5f * least_Nm)) {
+        shown_Nm = HT_PULL_OUT_SHARE * 0.5f * (along_Nm + across_Nm * across_Nm / along_Nm);
+        shown_Nm = (shown_Nm > least_Nm) ? shown_Nm : least_Nm;
     }
-    i = beside_flux_A(d, size);
-    i.alpha -= size / c->protect.ls_H;
-    if (!(gain_Nm_A * i.alpha > ALONG_AT_SHARE * least_Nm)) {
-        return believed_Nm; /* far from pull-out noise would decide */
-    }
-    shown_Nm = 0.5f * gain_Nm_A * (i.alpha + i.beta * i.beta / i.alpha);
-    return (shown_Nm > least_Nm) ? shown_Nm : least_Nm;
+    return shown_Nm;
 }
 
 /* What the parameters allow, and what flux and current can give. The rotor flux is between now and the

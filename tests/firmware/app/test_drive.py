@@ -781,6 +781,7 @@ def test_torque_is_limited_by_the_pull_out_that_the_current_shows(bench, share, 
         bench.slow()
         bench.drive.control.estimate.psi_Wb = [flux_Wb, 0.0]
         bench.drive.control.observer.i_A = [shown_A.real, sign * shown_A.imag]
+        bench.drive.control.estimate.torque_Nm = sign * 6 * flux_Wb * shown_A.imag
         bench.drive.flux_ramp_Wb = flux_Wb
     bench.slow()
     expected_Nm = 0.8 * most_Nm if abs(share) > 0.8 else 0.8 * pull_out_Nm(flux_Wb)
