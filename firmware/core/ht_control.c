@@ -140,7 +140,7 @@ static HT_INTO_CALLERS void modulate(const ht_control_config *cfg, ht_control_st
 /* The angle that the flux turns. The observer's speed takes the reference for the flux's length. With a
  * short flux it is too low, a law that believed it would turn the flux too slowly, and the current that
  * this makes would shorten the flux further. */
-HT_SELDOM static float turn_of_short(ht_ab psi, float flux_ref_Wb, float turn_rad)
+static float turn_of_short(ht_ab psi, float flux_ref_Wb, float turn_rad)
 {
     float ref2 = flux_ref_Wb * flux_ref_Wb;
     float size2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
