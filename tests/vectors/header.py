@@ -28,8 +28,8 @@ C_TABLES = {
                 ("T1", "T2", "sequence", "period", "first", "shortest", "start", "CA", "CB")),
 }  # fmt: skip
 CODES = {"45/135": 0, "75/105": 1, "dtc1": 0, "dtc2": 1, "dtc3": 2, "L": 0, "ML": 1}
-PREAMBLE = """/* Made by tests/vectors/header.py from the rows of the JSON files there, which tests/vectors/README.md
- * describes.
+PREAMBLE = """/* Made by tests/vectors/header.py from the rows of the JSON files there, which
+ * tests/vectors/README.md describes.
  *
  * Tables are read a row at a time, so that a processor with little memory, or with program
  * memory apart, can keep them there: define HT_ROM and HT_ROM_ROW before including this
