@@ -30,9 +30,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.so' ! -name '*.nb?') \
   pyproject.toml CMakeLists.txt tools/setup.sh
-C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
+C_SOURCES := $(shell find firmware cmake tests/c tests/vectors -type f) CMakeLists.txt
 # All C that is written by hand. Its format is in .clang-format.
-C_FORMATTED := $(shell find firmware tests/c tests/prove tests/windows tools web -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
+C_FORMATTED := $(shell find firmware tests/c tests/prove tests/windows tools web -name '*.[ch]' ! -name ht_tables.c)
 JOBS ?= 2
 WAITING ?= 4
 FUZZ_S ?= 120

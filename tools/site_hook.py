@@ -203,13 +203,13 @@ def live_page() -> str:
 
 
 def live_frame(home: str) -> str:
-    """The home page with the drive below its title."""
-    title, rest = home.split("\n", 1)
+    """The home page with the drive after the first screen, which says what this is."""
+    first, rest = home.split("\n## ", 1)
     frame = (
         f'<iframe class="live" src="{LIVE}" title="a drive that runs in this page" loading="lazy">'
         f'</iframe>\n<p><a href="{LIVE}">The drive on a page of its own</a></p>'
     )
-    return f"{title}\n\n{frame}\n{rest}"
+    return f"{first}\n{frame}\n\n## {rest}"
 
 
 # --- pages from the program ---------------------------------------------------------

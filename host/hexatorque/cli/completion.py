@@ -124,7 +124,7 @@ def options(command):
     """--install-completion and --show-completion; without a shell's name: of $SHELL."""
     for name, callback, help in (
         ("--show-completion", _show, "print the shell's part of completion"),
-        ("--install-completion", _install, "have the shell complete hexatorque's words"),
+        ("--install-completion", _install, "let the shell complete the words of commands"),
     ):
         command = click.option(
             name,

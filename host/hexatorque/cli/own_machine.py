@@ -35,8 +35,8 @@ def at_terminal() -> bool:
         'new mine.toml --magnets "poles=10 ke_V=47 rs_ohm=1.1 ld_H=2.1e-3 current_A=3.5 \\\n'
         '    vdc_V=60 inertia_kgm2=0.03"',
         note="Each list may also have vdc_V, inertia_kgm2, lxy_H, i_full_A, vdc_full_V, "
-        "dead_time_us, encoder_ppr, device, phases (with 3 it says what rewinding to six "
-        "phases gives); a nameplate may have power_factor, efficiency, pull_out, "
+        "dead_time_us, encoder_ppr, device, phases (3 shows the result of rewinding to six "
+        "phases); a nameplate may have power_factor, efficiency, pull_out, "
         "connection; the others torque_Nm and speed_rpm, a circuit flux_Wb, magnets lq_H. "
         "5,5 is 5.5.",
     ),
@@ -111,9 +111,10 @@ def new(file, nameplate, circuit, magnets, force) -> int:
 def check(setup, schemes, settings, everything, as_json) -> int:
     """Review a set-up before anything runs.
 
-    Compares currents, voltages, steps and gains with their limits, says what to change, which mean
-    torque each scheme holds, and which are ready. Ends with 1 if the drive cannot run: if a finding
-    of all schemes is bad, or one of the set-up's own scheme or of a scheme that was asked for.
+    Compares currents, voltages, steps and gains with their limits, suggests changes, gives the mean
+    torque that each scheme holds, and names the schemes that are ready. Ends with 1 if the drive
+    cannot run: if a finding of all schemes is bad, or one of the set-up's own scheme or of a scheme
+    that was asked for.
     """
     from .. import firmware, setups
     from ..setups.review import best, mean_torque_says, outcome, review

@@ -44,7 +44,7 @@ from .output import complain, console_of, print_json
 )
 @options.as_json
 def plot(files, channels, align, window, maps, shift, output, as_json) -> int:
-    """Recordings over each other, and how far they are apart.
+    """Draw recordings over each other, with their differences.
 
     Draws recordings of simulation, emulated processor and bench over each other, aligned by
     their trigger.
@@ -137,10 +137,10 @@ def _complain_of(file: str, rec) -> None:
 )
 @options.of_tables
 def convert(files, new, maps, shift) -> int:
-    """A recording into another kind of file, or several into one.
+    """Convert a recording into another kind of file, or join several.
 
-    The new name's suffix says which kind. From a .part file it saves a recording that was
-    never closed. Several files are those of one recording, such as an oscilloscope's with a channel
+    The suffix of the new name selects the kind. A .part file is a recording that was never
+    closed. Several files are those of one recording, such as an oscilloscope's with a channel
     each: they need the same rate, start and length.
     """
     from ..recording import mapping

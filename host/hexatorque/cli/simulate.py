@@ -31,7 +31,7 @@ from .working import compile_now, compiling, working
 @options.recording_or_none
 @options.as_json
 def run(scenario, settings, output, as_json) -> int:
-    """One scenario with a speed and load profile.
+    """Run one scenario with a speed and load profile.
 
     Runs a scenario file and writes the recording.
     """
@@ -84,7 +84,7 @@ def run(scenario, settings, output, as_json) -> int:
 @options.folder("out/compare")
 @options.as_json
 def compare(setup, schemes, speed, load, settings, output, as_json) -> int:
-    """Schemes side by side at one operating point.
+    """Compare schemes at one operating point.
 
     Runs schemes to a steady state and compares them with the papers' numbers; without --setup
     on the set-ups of both papers.
@@ -137,7 +137,7 @@ EXIT_CODES = {"held": 0, "none": 0, "tripped": 1, "not configured": 2}
 @options.settings
 @options.as_json
 def reach(setup, schemes, load, settings, as_json) -> int:
-    """Highest speed that each scheme holds.
+    """Find the highest speed that each scheme holds.
 
     That is the highest speed at which a scheme holds the load with its full flux reference. Exit
     code 0: every scheme has a speed, which may be 0; 1: a drive tripped at every speed; 2: the

@@ -84,11 +84,11 @@ def sweep(
     resume,
     as_json,
 ) -> int:
-    """Many runs with other values, and one table.
+    """Make many runs with other values, and one table.
 
     Runs every combination of the values, or the file's study, on all cores or on a cluster.
     Ready-made studies for any set-up: efficiency, pareto, sensitivity, cycle.
-    Writes a table (CSV and Parquet) and a map. A run that fails is a row that says why. An
+    Writes a table (CSV and Parquet) and a map. The row of a run that fails has the reason. An
     interrupted study goes on with --resume.
     """
     if file is None and not grid:

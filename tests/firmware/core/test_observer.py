@@ -531,7 +531,7 @@ anything = st.floats(width=32) | st.floats(-1e3, 1e3, width=32)
 @settings(max_examples=examples(200), deadline=None)
 def test_resistances_in_use_stay_between_bounds(values, rs, rr, gain):
     """The resistances stay within 0.25 to 2.4 (stator) and 0.5 to 1.6 (rotor) of the configured
-    ones for any input, NaN included.
+    ones, for any input, NaN included.
     Without a usable observation they do not change, so they start inside the bounds."""
     cfg = config(kind=HYBRID, hybrid_gain=CROSSOVER * TS)
     state = any_state([1.3, RS * 0.7, *values])

@@ -1,6 +1,7 @@
 """The core's test vectors with 16-bit int: right, and the host's bits."""
 
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,11 +11,15 @@ from hexatorque.boards import emulator_process, tools
 ROOT = Path(__file__).resolve().parents[3]
 HERE = ROOT / "tests/c/targets"
 CORE = sorted((ROOT / "firmware/core").glob("*.c"))
-VECTORS = ROOT / "tests/c/vectors.h"
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno",
-         f"-I{ROOT / 'firmware/core'}", f"-I{ROOT / 'tests/c'}"]  # fmt: skip
+         f"-I{ROOT / 'firmware/core'}", f"-I{ROOT / 'tests/c'}", "-I."]  # fmt: skip
 
-pytestmark = pytest.mark.skipif(not VECTORS.exists(), reason="no tests/c/vectors.h")
+
+@pytest.fixture(autouse=True)
+def tables(tmp_path, monkeypatch):
+    """The folder with the header of the vectors is the current one."""
+    monkeypatch.chdir(tmp_path)
+    subprocess.run([sys.executable, ROOT / "tests/vectors/header.py", "vectors.h"], check=True)
 
 
 def on_host(program: Path, folder: Path) -> str:

@@ -29,7 +29,7 @@ from .connection import open_drive, until_signal
     "--current",
     metavar="A",
     type=options.number,
-    help="no phase current goes beyond it; default: what the running drive needs by its parameters",
+    help="limit of all phase currents; default: the highest that the running drive needs",
 )
 @options.value(
     "--travel",
@@ -56,10 +56,10 @@ from .connection import open_drive, until_signal
 @options.board
 @options.as_json
 def commission(steps, current, travel, turns, speed, out, device, baud, as_json) -> int:
-    """Measure wiring, machine and load, and load the parameters that follow.
+    """Measure wiring, machine and load, and set the parameters accordingly.
 
     The gates switch. Steps up to `rotor` need a free shaft that may turn a little, `magnetisation`
-    a machine that runs without load. `mechanics` measures friction and what a fan takes. Ctrl-C
+    a machine that runs without load. `mechanics` measures friction and a fan's torque. Ctrl-C
     stops it, and so does the board if this command dies. Wrong wiring ends it with a line for each
     mistake and exit code 1.
     """

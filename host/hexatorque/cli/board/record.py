@@ -54,7 +54,7 @@ def running(drive: BoardDrive, values: dict[str, object], start: bool) -> Iterat
     "--rate",
     metavar="HZ",
     type=options.number,
-    help="samples per second; default: what the line carries",
+    help="samples per second; default: the highest that the line carries",
 )
 @options.value(
     "--decimation", metavar="N", type=options.whole, help="take every N-th fast interrupt"

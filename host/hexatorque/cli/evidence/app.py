@@ -15,7 +15,7 @@ def evidence() -> None:
     """Reproduce the papers, run accuracy and fault studies, measure cost.
 
     Both papers' figures and tables beside the printed numbers, studies of accuracy and of
-    faults, the firmware on other processors held against the host's, and what it costs there.
+    faults, the firmware on other processors held against the host's, and its cost there.
     """
 
 

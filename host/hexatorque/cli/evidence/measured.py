@@ -48,10 +48,10 @@ if TYPE_CHECKING:
 @options.folder("out/papers")
 @options.as_json
 def papers(ids, quick, rivals, output, as_json) -> int:
-    """Both papers' figures and tables, beside what the papers print.
+    """Both papers' figures and tables, beside the printed values.
 
     Makes figures and tables of the papers again: ID.json, ID.png and recordings of each, and
-    index.html with all verdicts. Interrupted, it goes on where it was.
+    index.html with all verdicts. An interrupted run continues there.
     """
     from ...evidence.papers.engine import page, reproduce
     from ...system import usable_cores
@@ -99,7 +99,7 @@ def studies(names, quick, output, as_json) -> int:
     """Studies of how far to trust simulation and firmware.
 
     Runs studies of accuracy, low speed, light load and faults; a table, a picture and the
-    numbers of each. Interrupted, the long ones go on where they were.
+    numbers of each. An interrupted long study continues there.
     """
     from importlib import import_module
 
