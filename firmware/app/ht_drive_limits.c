@@ -50,6 +50,34 @@ float ht_drive_load(const ht_drive *d, const ht_drive_config *c)
            / (c->control.observer.torque_gain * psi * psi);
 }
 
+/* A leakage that is an estimate is up to twice as large as believed: so much of the believed pull-out
+ * torque there is at least. */
+#define LEAST_PULL_OUT 0.5f
+
+/* The torque limit by the pull-out torque that the current shows, N m; `believed_Nm` where it shows
+ * none. In steady state the current's end is on a circle through the no-load current. One point of it,
+ * beyond that current by along and across the flux, tells the radius, whatever the leakage is:
+ * (along + across^2/along)/2. It is the current across the flux at pull-out. */
+static float shown_pull_out_Nm(const ht_drive *d, const ht_drive_config *c, float believed_Nm)
+{
+    ht_ab psi = d->control.estimate.psi_Wb;
+    ht_ab i = d->control.observer.i_A;
+    float across_Nm = d->control.estimate.torque_Nm;
+    float ls_H = c->protect.ls_H;
+    float along_Nm =
+        c->control.observer.torque_gain / ls_H
+        * (psi.alpha * (ls_H * i.alpha - psi.alpha) + psi.beta * (ls_H * i.beta - psi.beta));
+    float least_Nm = LEAST_PULL_OUT * believed_Nm;
+    float shown_Nm = believed_Nm;
+    /* At this share of pull-out the current along the flux has risen by half of its part across: sin t
+     * = 0.8, 1 - cos t = 0.4. Far from there noise would decide. */
+    if (along_Nm > (0.5f * least_Nm)) {
+        shown_Nm = HT_PULL_OUT_SHARE * 0.5f * (along_Nm + across_Nm * across_Nm / along_Nm);
+        shown_Nm = (shown_Nm > least_Nm) ? shown_Nm : least_Nm;
+    }
+    return shown_Nm;
+}
+
 /* What the parameters allow, and what flux and current can give. The rotor flux is between now and the
  * next slow interrupt on its way from what it is to what it settles at, and at a given torque the
  * current is largest at one end of this way. */
@@ -60,7 +88,9 @@ static ht_limit torque_limit(const ht_drive *d, const ht_drive_config *c, float 
     float flux_ref = d->flux_ref_Wb;
     unsigned flux = (flux_ref < d->flux_ramp_Wb) ? (unsigned)HT_LIMIT_VOLTAGE
                                                  : (unsigned)HT_LIMIT_FLUX;
-    limit_to(&limit, c->pull_out_Nm_Wb2 * flux_ref * flux_ref, flux);
+    float pull_out_Nm = c->pull_out_Nm_Wb2 * flux_ref * flux_ref;
+    limit_to(&limit, pull_out_Nm, flux);
+    limit_to(&limit, shown_pull_out_Nm(d, c, pull_out_Nm), flux);
     if ((c->params.v[HT_P_flux_least_loss] != 0.0f)
         && (d->flux_ramp_Wb < c->params.v[HT_P_flux_ref_Wb])) {
         limit_to(&limit, c->least_loss.reach_Nm_Wb2 * flux_ref * flux_ref, HT_LIMIT_FLUX);

@@ -132,6 +132,22 @@ static HT_INTO_CALLERS void modulate(const ht_control_config *cfg, ht_control_st
     st->v_xy_pu = v.xy;
 }
 
+/* Squares of shares of the flux reference: a flux that is shorter than the first is not the
+ * reference's ripple, and one below the second has no speed that could be told. */
+#define SHORT_FLUX2 0.9f
+#define NO_FLUX2 0.04f
+
+/* The angle that the flux turns. The observer's speed takes the reference for the flux's length. With a
+ * short flux it is too low, a law that believed it would turn the flux too slowly, and the current that
+ * this makes would shorten the flux further. */
+HT_SELDOM static float turn_of_short(ht_ab psi, float flux_ref_Wb, float turn_rad)
+{
+    float ref2 = flux_ref_Wb * flux_ref_Wb;
+    float size2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
+    bool is_short = (size2 < (SHORT_FLUX2 * ref2)) && (size2 > (NO_FLUX2 * ref2));
+    return is_short ? (turn_rad * SHORT_FLUX2 * ref2 / size2) : turn_rad;
+}
+
 /* The input of a law that commands a voltage, or makes a pattern. */
 static HT_INTO_CALLERS void machine_seen(const ht_control_config *cfg, const ht_control_state *st,
                                          const ht_control_input *in, ht_vsd i, bool magnets,
@@ -147,6 +163,7 @@ static HT_INTO_CALLERS void machine_seen(const ht_control_config *cfg, const ht_
     } else {
         seen->rotor_Wb =
             ht_observer_predict_rotor(&cfg->observer, &st->observer, st->estimate.psi_Wb, i.ab);
+        seen->turn_rad = turn_of_short(st->estimate.psi_Wb, in->flux_ref_Wb, seen->turn_rad);
     }
     seen->rs_ohm = st->observer.rs_ohm;
     seen->torque_ref_Nm = in->torque_ref_Nm;

@@ -27,10 +27,12 @@ static float cross(ht_ab p, ht_ab q)
 /* ... and above four times the drop, squared, to tell their flux, which loses 0.1 to 0.2 % a kelvin, ... */
 #define ADAPT_FLUX_TURNED2 16.0f
 #define ADAPT_FLUX 0.25f /* of the configured one, at most */
-/* ... and no resistance leaves 0.5 .. 1.6 of its configured value: copper from
- * -40 to 180 degC spans 0.76 .. 1.63 of its value at 20 degC. */
+/* ... and no resistance leaves these shares of its configured value: copper from -40 to 180 degC spans
+ * 0.76 .. 1.63 of its value at 20 degC. The stator's may be an estimate from a plate without cos phi,
+ * which is up to 2.2 times too small. */
 #define ADAPT_LEAST 0.5f
 #define ADAPT_MOST 1.6f
+#define ADAPT_MOST_RS 2.4f
 
 void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A)
 {
@@ -115,7 +117,7 @@ static float change_ohm(const ht_observer_config *cfg, ht_ab e, ht_ab i, float w
 /* One write: the fast interrupt may come in between. */
 static void take_ohm(const ht_observer_config *cfg, ht_observer_state *st, float rs_ohm)
 {
-    st->rs_ohm = ht_between(rs_ohm, ADAPT_LEAST * cfg->rs_ohm, ADAPT_MOST * cfg->rs_ohm);
+    st->rs_ohm = ht_between(rs_ohm, ADAPT_LEAST * cfg->rs_ohm, ADAPT_MOST_RS * cfg->rs_ohm);
 }
 
 void ht_observer_begin_with(const ht_observer_config *cfg, ht_observer_state *st, float rs_ohm)
@@ -126,7 +128,7 @@ void ht_observer_begin_with(const ht_observer_config *cfg, ht_observer_state *st
 float ht_observer_adapted_ohm(const ht_observer_config *cfg, const ht_observer_state *st)
 {
     float rs_ohm = st->rs_ohm;
-    bool within = (rs_ohm > ADAPT_LEAST * cfg->rs_ohm) && (rs_ohm < ADAPT_MOST * cfg->rs_ohm);
+    bool within = (rs_ohm > ADAPT_LEAST * cfg->rs_ohm) && (rs_ohm < ADAPT_MOST_RS * cfg->rs_ohm);
     return within ? rs_ohm : 0.0f;
 }
 

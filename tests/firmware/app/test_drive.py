@@ -760,6 +760,34 @@ def test_the_torque_reference_stays_within_what_the_flux_can_give(bench, mode, s
     assert abs(bench.drive.speed.integral_Nm) <= asked
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("share", [0.5, 0.9, 1.0, -0.9])
+def test_torque_is_limited_by_the_pull_out_that_the_current_shows(bench, share, sign):
+    """The leakage is 1.7 times the believed one. The current is that of the circuit seen from the
+    stator at this share of the true pull-out torque; -0.9: with more slip than at pull-out."""
+    flux_Wb, believed_H, true_H, lm_H, lr_H = 0.2, 0.025, 0.0425, 0.284, 0.299
+    bench.controller.set("sigma_ls_H", believed_H)
+    bench.run_to("run").fast()
+    measured(bench).flux_ref_Wb = bench.drive.flux_ramp_Wb = flux_Wb
+    ls_H = believed_H + lm_H**2 / lr_H
+    at = 1j * np.geomspace(1e-2, 1e2, 100001)  # slip over that of pull-out
+    i_A = flux_Wb / ls_H * (1 + at * ls_H / true_H) / (1 + at)
+    most_Nm = (6 * flux_Wb * i_A.imag).max()
+    side = slice(0, 50000) if share > 0 else slice(50000, None)
+    shown_A = i_A[side][np.argmin(abs(6 * flux_Wb * i_A.imag[side] - abs(share) * most_Nm))]
+    bench.controller.set("flux_ref_Wb", flux_Wb)
+    bench.fast()
+    for _ in range(3):
+        bench.slow()
+        bench.drive.control.estimate.psi_Wb = [flux_Wb, 0.0]
+        bench.drive.control.observer.i_A = [shown_A.real, sign * shown_A.imag]
+        bench.drive.control.estimate.torque_Nm = sign * 6 * flux_Wb * shown_A.imag
+        bench.drive.flux_ramp_Wb = flux_Wb
+    bench.slow()
+    expected_Nm = 0.8 * most_Nm if abs(share) > 0.8 else 0.8 * pull_out_Nm(flux_Wb)
+    assert bench.drive.torque_limit_Nm == pytest.approx(expected_Nm, rel=0.01)
+
+
 @pytest.mark.parametrize(("then_A", "now_A"), ((5.0, 5.0), (4.0, 4.5), (5.0, 4.5), (3.0, 6.0)))
 def test_torque_is_limited_by_what_the_current_along_the_flux_leaves(bench, then_A, now_A):
     """That current is the measured one. One that grows is taken to grow on for a slow period."""

@@ -131,6 +131,22 @@ def test_prediction_is_the_next_estimate(dead_pu):
         expected = control.decided()
 
 
+@pytest.mark.parametrize("length", (1.0, 0.8, 0.5, 0.3))
+def test_a_short_flux_is_turned_as_fast_as_the_rotor(length):
+    """Without current and resistance the flux is the rotor's. The observer's speed is too low by
+    the square of its length over the reference's; the voltage must turn it with the rotor."""
+    omega, flux_Wb = 300.0, 0.4
+    cfg = config(rs_ohm=0.0, dead_pu=0.0)
+    cfg.deadbeat_law.gain = 0.1
+    control = Control(cfg)
+    control.state.observer.psi_Wb = [length * flux_Wb, 0.0]
+    control.state.observer.omega_sync_rad_s = omega * length**2
+    control.step(flux=flux_Wb)
+    alpha, beta, _, _ = T @ control.shares()
+    turned = np.angle(control.decided() + TS * VDC * complex(alpha, beta))
+    assert 0.8 * omega * TS < turned < 1.15 * omega * TS
+
+
 def test_dead_time_and_prediction_leave_the_flux_at_its_reference():
     """No resistance, no current but what decides on the dead time: after the flux has come up, it
     stays where it is asked for to within a count of every leg."""

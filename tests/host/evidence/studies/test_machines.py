@@ -125,6 +125,23 @@ def test_rated_torque_at_a_few_r_min_on_machines_that_are_told_wrong(number, way
     accept(setup, ((0.03, 0), (0.03, 1), (0.03, -1), (0.3, 0)), (of.speed_rpm, of.torque_Nm))
 
 
+PLATE, COS_PHI = machines.OTHER_WAYS[:2]
+#: R_s 2.4 times the believed one; leakage twice, so that torque limit and weakened flux are beyond
+#: the true pull-out; L_m four times, so that the current model pulls the flux at no load.
+FAR_OFF = [
+    (223, PLATE, ((0.03, 0), (0.03, 1), (0.03, -1))),
+    (223, COS_PHI, ((0.3, 0), (1.5, 0), (-1.5, 0), (-1, 0))),
+    (47, PLATE, ((1, 1), (1, 0), (1, -1), (1, 0))),
+]
+
+
+@pytest.mark.parametrize(("number", "way", "course"), part(FAR_OFF, 3))
+def test_a_machine_that_is_far_off_what_its_plate_lets_expect(number, way, course):
+    of = machines.told(machines.truth(number), way)
+    setup = machines.drive(machines.truth(number), of.setup.with_scheme("db-dtfc"), number)
+    accept(setup, course, (of.speed_rpm, of.torque_Nm))
+
+
 def row(way, ready, reason):
     tried = {"ready": ready, "bad": [] if ready else ["flux"], "reason": reason}
     return {
