@@ -26,11 +26,26 @@ import numpy as np
 from .breaks import COMING
 from .compiled import compiled, source_hash
 from .elementary import tanh
-from .junctions import JUNCTIONS, commutate
-from .legs import BLOCKED, BREAK, DROPS, HIGH, LOW, LOWER, OFF, OPEN, UPPER, WHOLE
+from .junctions import JUNCTIONS, commutate, set_drops
+from .legs import (
+    BLOCKED,
+    BREAK,
+    DEVICE_KINDS,
+    DROPS,
+    HIGH,
+    LOW,
+    LOWER,
+    LOWER_DIODE,
+    LOWER_SWITCH,
+    OFF,
+    OPEN,
+    UPPER,
+    UPPER_DIODE,
+    UPPER_SWITCH,
+    WHOLE,
+)
 from .link import (
     LINK,
-    LINK_KEYS,
     LOCATED,
     accept_link,
     add_link_stage,
@@ -111,11 +126,11 @@ CONTACT = np.dtype(
 DEVICES = np.dtype(
     [
         ("drops", "i8"),  # 0: ideal devices
-        ("v_switch_V", "f8"),  # thresholds
-        ("v_diode_V", "f8"),
-        ("r_switch_ohm", "f8"),  # on-resistances
-        ("r_diode_ohm", "f8"),
+        ("v_V", "f8", (6, 4)),  # thresholds on each leg, in the order of DEVICE_KINDS
+        ("r_ohm", "f8", (6, 4)),  # on-resistances
         ("knee_A", "f8"),
+        ("steepest_ohm", "f8"),  # the largest slope of a drop, with its threshold's at the knee
+        ("least_diode_V", "f8"),  # the lowest threshold of a diode
     ]
 )
 #: The equations of the legs that float.
@@ -180,10 +195,12 @@ def inverter_record(
     inverter.contact.arc_V = arc_V
     inverter.contact.restrike_V_per_s = 1e3 * restrike_V_per_ms
     inverter.devices.knee_A = max(KNEE_A, range_A / KNEES)
+    drops = {name: others.pop(name, 0.0) for name in DROPS}
     for name, value in others.items():
-        part = inverter.link if name in LINK_KEYS else inverter.devices
-        part[name] = value
-    inverter.devices.drops = any(inverter.devices[name] for name in DROPS)
+        inverter.link[name] = value
+    inverter.devices.drops = any(drops.values())
+    v_V, r_ohm = ([drops[of.format(k)] for k in DEVICE_KINDS] for of in ("v_{}_V", "r_{}_ohm"))
+    set_drops(inverter.devices, np.array(v_V), np.array(r_ohm))
     inverter.link.on = inverter.link.link_F > 0
     return inverter
 
@@ -355,9 +372,11 @@ def _subtract_drops(inv, m, y, vdc):
             state = inv.command[leg]
         if state == OFF:
             if inv.diode[leg] > 0:
-                inv.v_leg[leg] = -inv.devices.v_diode_V - inv.devices.r_diode_ohm * i
+                drop_V = inv.devices.v_V[leg, LOWER_DIODE]
+                inv.v_leg[leg] = -drop_V - inv.devices.r_ohm[leg, LOWER_DIODE] * i
             elif inv.diode[leg] < 0:
-                inv.v_leg[leg] = vdc + inv.devices.v_diode_V - inv.devices.r_diode_ohm * i
+                drop_V = inv.devices.v_V[leg, UPPER_DIODE]
+                inv.v_leg[leg] = vdc + drop_V - inv.devices.r_ohm[leg, UPPER_DIODE] * i
         else:
             rail = vdc if state == HIGH else 0.0
             # Beyond 20 times the knee the nearest number to the hyperbolic tangent is 1.
@@ -366,12 +385,12 @@ def _subtract_drops(inv, m, y, vdc):
                 if abs(i) < 20.0 * inv.devices.knee_A
                 else np.copysign(1.0, i)
             )
-            if (i > 0.0) == (state == HIGH):
-                inv.v_leg[leg] = (
-                    rail - inv.devices.v_switch_V * share - inv.devices.r_switch_ohm * i
-                )
+            if state == HIGH:
+                device = UPPER_SWITCH if i > 0.0 else UPPER_DIODE
             else:
-                inv.v_leg[leg] = rail - inv.devices.v_diode_V * share - inv.devices.r_diode_ohm * i
+                device = LOWER_DIODE if i > 0.0 else LOWER_SWITCH
+            drop_V = inv.devices.v_V[leg, device] * share
+            inv.v_leg[leg] = rail - drop_V - inv.devices.r_ohm[leg, device] * i
         if arcs:
             inv.v_leg[leg] -= inv.diode[leg] * inv.contact.arc_V
 
@@ -452,9 +471,7 @@ def longest_step_s(inv, m):
     acts as a resistance of V / knee_A. The step is one time constant of this resistance with the
     smallest inductance that it can meet (the limit of stability is 2.78 time constants). Paper
     B's machine with 1.2 V: 120 us."""
-    r_switch = inv.devices.v_switch_V / inv.devices.knee_A + inv.devices.r_switch_ohm
-    r_diode = inv.devices.v_diode_V / inv.devices.knee_A + inv.devices.r_diode_ohm
-    return 1.0 / (max(r_switch, r_diode) * m.inv_l_max)
+    return 1.0 / (inv.devices.steepest_ohm * m.inv_l_max)
 
 
 @compiled
@@ -513,17 +530,18 @@ def _leg_voltages(inv, m, load, y, vdc):
     floats = _find_floating(inv, m, y)
     if floats:
         _solve_floating(inv, m, load, y, vdc)
-        margin = inv.devices.v_diode_V + FORWARD * vdc
         turned_on = False
         for leg in range(6):
             if _may_conduct(inv, leg):
-                if inv.v_leg[leg] > vdc + margin:
+                upper_V = inv.devices.v_V[leg, UPPER_DIODE]
+                lower_V = inv.devices.v_V[leg, LOWER_DIODE]
+                if inv.v_leg[leg] > vdc + (upper_V + FORWARD * vdc):
                     inv.diode[leg] = -1
-                    inv.v_leg[leg] = vdc + inv.devices.v_diode_V
+                    inv.v_leg[leg] = vdc + upper_V
                     turned_on = True
-                elif inv.v_leg[leg] < -margin:
+                elif inv.v_leg[leg] < -(lower_V + FORWARD * vdc):
                     inv.diode[leg] = 1
-                    inv.v_leg[leg] = -inv.devices.v_diode_V
+                    inv.v_leg[leg] = -lower_V
                     turned_on = True
         if inv.contact.restrike_V_per_s > 0.0 and _strike_again(inv, vdc):
             turned_on = True
@@ -612,8 +630,10 @@ def _beyond_V(inv, m, load, y, vdc):
     most = -np.inf
     for leg in range(6):
         if _may_conduct(inv, leg):
-            most = max(most, -inv.v_leg[leg], inv.v_leg[leg] - vdc)
-    return most - inv.devices.v_diode_V
+            upper_V = inv.v_leg[leg] - vdc - inv.devices.v_V[leg, UPPER_DIODE]
+            lower_V = -inv.v_leg[leg] - inv.devices.v_V[leg, LOWER_DIODE]
+            most = max(most, lower_V, upper_V)
+    return most
 
 
 @compiled
@@ -733,7 +753,7 @@ def _advance_in_parts(inv, m, load, y, dt, source_V):
     if (
         inv.off == 6
         and _currents_absent(inv)
-        and coast(m, load, y, dt, vdc + 2.0 * inv.devices.v_diode_V)
+        and coast(m, load, y, dt, vdc + 2.0 * inv.devices.least_diode_V)
     ):
         if linked:
             _advance_link_alone(inv, dt, longest_link_step_s(inv.link, m))

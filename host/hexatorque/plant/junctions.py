@@ -7,8 +7,8 @@ A leg has four devices, a switch and a diode at each rail. With the power P of a
 
 The compiled loop adds up what conduction needs, |i| and i^2, and the energy of each commutation
 (`add_conduction`, `commutate`). As with the machine's bodies (heat.py), every few milliseconds the
-chains advance under their mean powers, exactly. Then the thresholds and on-resistances follow:
-those of all switches the mean of their junctions, those of all diodes theirs.
+chains advance under their mean powers, exactly. Then each device's threshold and on-resistance
+follow its junction.
 
 A commutation's energy comes from the link's capacitor if there is one.
 """
@@ -21,12 +21,18 @@ from typing import Any
 import numpy as np
 
 from .compiled import compiled
-from .legs import HIGH, LOW, OPEN
+from .legs import (
+    DEVICE_KINDS,
+    HIGH,
+    LOW,
+    LOWER_DIODE,
+    LOWER_SWITCH,
+    OPEN,
+    UPPER_DIODE,
+    UPPER_SWITCH,
+)
 from .link import DRIVE_J, V
 from .machine import common_part, current_with
-
-#: Devices of a leg.
-UPPER_SWITCH, UPPER_DIODE, LOWER_SWITCH, LOWER_DIODE = range(4)
 
 JUNCTIONS = np.dtype(
     [
@@ -110,15 +116,19 @@ def commutate(inv, leg, before, after, i):
             _spend(inv, leg, LOWER_SWITCH, j.off_J_VA, -i)
 
 
-#: Kind of each device of a leg, as the set-up names it.
-KIND = ("switch", "diode", "switch", "diode")
+def set_drops(devices: np.record, v_V: np.ndarray, r_ohm: np.ndarray) -> None:
+    """Thresholds and on-resistances of the devices, (6, 4) on the legs in the order of
+    DEVICE_KINDS, or (4,) if all legs are alike."""
+    devices.v_V, devices.r_ohm = v_V, r_ohm
+    devices.steepest_ohm = (devices.v_V / devices.knee_A + devices.r_ohm).max()
+    devices.least_diode_V = devices.v_V[:, [UPPER_DIODE, LOWER_DIODE]].min()
 
 
 class Junctions:
     """The temperatures of one inverter's devices, and its drops.
 
-    junction_degC: (6, 4) on the legs, in the order of KIND; sink_degC: of the heat sink; heat_J,
-    ambient_J: what the losses have brought so far, and what has gone to the ambient.
+    junction_degC: (6, 4) on the legs, in the order of DEVICE_KINDS; sink_degC: of the heat sink;
+    heat_J, ambient_J: what the losses have brought so far, and what has gone to the ambient.
     """
 
     def __init__(
@@ -128,13 +138,18 @@ class Junctions:
         self._values, self._inverter = values, inverter
         self._lapse = values["time_lapse"]
         #: (4 devices, 4 pairs) each
-        self._K_W = np.array([values[f"{kind}_K_W"] for kind in KIND], float)
-        self._s = np.array([values[f"{kind}_s"] for kind in KIND], float)
+        self._K_W = np.array([values[f"{kind}_K_W"] for kind in DEVICE_KINDS], float)
+        self._s = np.array([values[f"{kind}_s"] for kind in DEVICE_KINDS], float)
         self.on = bool(self._K_W.any())
         self._rises = np.zeros((6, 4, 4))
         self.sink_degC = float(values["ambient_degC"])
         self.heat_J = self.ambient_J = 0.0
-        self._stated = {name: float(inverter.devices[name]) for name in _OF}
+        # (4,) each: drops at `devices_degC`, and their relative change per kelvin.
+        self._stated = inverter.devices.v_V[0].copy(), inverter.devices.r_ohm[0].copy()
+        self._per_K = tuple(
+            np.array([values[f"{kind}_{change}_per_K"] for kind in DEVICE_KINDS])
+            for change in ("V", "ohm")
+        )
         inverter.junctions.on = int(self.on)
         per_VA = energies["e_ref_V"] * energies["e_ref_A"]
         if self.on and per_VA > 0:
@@ -157,21 +172,20 @@ class Junctions:
 
     def _warm(self) -> None:
         """The inverter gets the drops of its temperatures."""
-        v, degC = self._values, self.junction_degC
-        for name, (kind, change) in _OF.items():
-            of_kind = [device for device, k in enumerate(KIND) if k == kind]
-            rise = float(np.mean(degC[:, of_kind])) - v["devices_degC"]
-            share = max(0.0, 1 + v[f"{kind}_{change}_per_K"] * rise)
-            self._inverter.devices[name] = self._stated[name] * share
+        degC = self.junction_degC
+        rise = degC - self._values["devices_degC"]
+        drops = (
+            cold * np.maximum(0.0, 1 + per_K * rise)
+            for cold, per_K in zip(self._stated, self._per_K)
+        )
+        set_drops(self._inverter.devices, *drops)
         self._inverter.junctions.hottest_degC = degC.max()
         self._inverter.junctions.sink_degC = self.sink_degC
 
     def advance(self, time_s: float) -> None:
         """The losses that have been added up belong to this time."""
         j, devices = self._inverter.junctions, self._inverter.devices
-        volts = np.array([devices[f"v_{kind}_V"] for kind in KIND])
-        ohms = np.array([devices[f"r_{kind}_ohm"] for kind in KIND])
-        joules = volts * j.charge_As + ohms * j.square_A2s + j.switching_J
+        joules = devices.v_V * j.charge_As + devices.r_ohm * j.square_A2s + j.switching_J
         j.charge_As = j.square_A2s = j.switching_J = 0.0
         watts, lapse_s = joules / time_s, time_s * self._lapse
         ends = watts[:, :, None] * self._K_W
@@ -183,12 +197,3 @@ class Junctions:
         self.sink_degC = end_degC + (self.sink_degC - end_degC) * np.exp(-lapse_s / v["sink_s"])
         self.ambient_J += total_W * lapse_s - (self.sink_J - stored_J)
         self._warm()
-
-
-#: What of the devices follows which kind's temperature, and by which of its coefficients.
-_OF = {
-    "v_switch_V": ("switch", "V"),
-    "v_diode_V": ("diode", "V"),
-    "r_switch_ohm": ("switch", "ohm"),
-    "r_diode_ohm": ("diode", "ohm"),
-}

@@ -1,6 +1,9 @@
 """States of a leg of the inverter, and what can be broken in it."""
 
 LOW, HIGH, OFF = 0, 1, 2
+#: Devices of a leg, and the kind of each as the set-up names it.
+UPPER_SWITCH, UPPER_DIODE, LOWER_SWITCH, LOWER_DIODE = range(4)
+DEVICE_KINDS = ("switch", "diode", "switch", "diode")
 #: Conduction drops of switches and diodes, as the set-up's section [inverter] names them.
 DROPS = ("v_switch_V", "v_diode_V", "r_switch_ohm", "r_diode_ohm")
 

@@ -2,6 +2,7 @@
 torque, and goes on with its scheme. It believes another machine than it has."""
 
 import itertools
+import math
 import random
 from typing import NamedTuple
 
@@ -24,16 +25,10 @@ SETUPS = {
 SHARES = (0.1, 0.5, 1.0, 1.5)
 #: Times with the gates off, in time constants of the rotor; None: the machine has never had a flux.
 PAUSES = (None, 0.0, 0.3, 1.0, 2.0, 5.0)
-#: No current may come nearer to the trip.
+#: No current of a catch may come nearer to the trip.
 MOST = 0.8
-#: But for the ripple of dtc1 here, after the catch.
-NEARER = {
-    ("large-110kw", "dtc1", -0.1, 0.7): 0.82,
-    ("37 kW 400 V", "dtc1", -0.1, 0.7): 0.82,
-}
-#: A scheme that comes nearer to the trip than this by itself has nothing to spare: dtc1 on
-#: machines of little leakage.
-USUAL = 0.65
+#: Seconds over which the largest current of a drive that was not caught is looked for.
+ALONE_S = 20
 #: The shaft feels no more than this, in torque limits, before torque control begins; the flux is
 #: known within this, in references.
 TORQUE, FLUX = 0.35, 0.25
@@ -139,16 +134,16 @@ class Shaft:
 
     def caught(self):
         """Start, and 0.3 s of torque control: the largest current of each; torque and flux of the
-        first."""
+        first, and as `failed` its faults."""
         self.sim.start()
         build = self.peak(self.number("calibration_s") + self.number("build_s"))
-        torque, flux = self.torque, self.flux
+        torque, flux, self.failed = self.torque, self.flux, self.sim.faults
         return build, self.peak(0.3), torque, flux
 
 
-def runs_there(case):
-    """Whether the same drive, when it has come there from standstill, works, and with currents that
-    are usual."""
+def never_caught(case):
+    """The same drive, when it has come there from standstill; None if the scheme cannot drive this
+    machine there."""
     shaft = Shaft(case)
     shaft.sim.set("speed_ref_rpm", 0.0)
     shaft.sim.start()
@@ -156,12 +151,14 @@ def runs_there(case):
     shaft.sim.set("control_mode", "torque")
     for share in np.linspace(0.0, 1.0, 50):
         shaft.turn(0.02, share * shaft.rpm)
-    shaft.turn(0.3)
-    return shaft.peak(1.0) < USUAL and shaft.sim.state == firmware.RUN
+    shaft.sim.set_many({"control_mode": "speed", "speed_ref_rpm": shaft.rpm})
+    shaft.sim.run(1.0, record=False)
+    return shaft if shaft.sim.state == firmware.RUN else None
 
 
 def tried(case):
-    """A row for each pause: pause, state, faults, and what `caught` returns."""
+    """A row for each pause: pause, faults in the catch, faults until 0.3 s later, and what `caught`
+    returns."""
     shaft = Shaft(case)
     for pause in PAUSES:
         if pause is None:
@@ -170,7 +167,7 @@ def tried(case):
             shaft.sim.stop()
             shaft.turn(pause * shaft.tau_s)
         found = shaft.caught()
-        yield pause, shaft.sim.state, shaft.sim.faults, *found
+        yield pause, shaft.failed, shaft.sim.faults, *found
         if shaft.sim.state != firmware.RUN:
             return
 
@@ -179,25 +176,20 @@ def tried(case):
 def test_a_turning_shaft_is_caught(case):
     """In both directions, up to half as much again as full speed, after every pause, and
     whatever the rotor's resistance is. A scheme that cannot drive the machine there at all has
-    nothing to show."""
-    if not runs_there(case):
+    nothing to show.
+
+    The catch itself never comes near the trip, nor does the scheme that takes over, unless it does
+    so without a catch, too."""
+    alone = never_caught(case)
+    if alone is None:
         pytest.skip("the scheme cannot drive this machine at this speed")
-    for pause, state, faults, build, run, torque, flux in tried(case):
-        assert (state, faults) == (firmware.RUN, []), pause
-        assert build < MOST and run < NEARER.get(case, MOST), pause
+    after = []
+    for pause, failed, faults, build, run, torque, flux in tried(case):
+        assert not failed and build < MOST, pause
         assert torque < TORQUE and flux < FLUX, pause
-
-
-@pytest.mark.parametrize("setup", sorted(case[0] for case in NEARER))
-def test_what_comes_nearer_to_the_trip_is_the_ripple_of_the_scheme_alone(setup):
-    """The same drives come as near without a catch, from standstill."""
-    shaft = Shaft(Case(setup, "dtc1", -0.1, 0.7))
-    shaft.sim.set("speed_ref_rpm", 0.0)
-    shaft.sim.start()
-    shaft.sim.run(shaft.number("calibration_s") + shaft.number("build_s") + 0.05, record=False)
-    shaft.sim.set("speed_ref_rpm", shaft.rpm)
-    shaft.sim.run(0.5, record=False)
-    assert max(shaft.peak(1.0) for _ in range(19)) > MOST and shaft.sim.state == firmware.RUN
+        after.append(math.inf if faults else run)
+    if max(after) >= MOST:
+        assert max(alone.peak(1.0) for _ in range(ALONE_S)) >= MOST
 
 
 @pytest.mark.parametrize("setup", ("large-110kw", "37 kW 400 V"))

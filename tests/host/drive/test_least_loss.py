@@ -138,9 +138,37 @@ def test_a_step_from_10_to_100_per_cent_of_torque_never_trips(case):
 # -- losses ----------------------------------------------------------------------------------
 
 
+class Settled(NamedTuple):
+    loss_W: float
+    modelled_W: float  #: that of the fundamental waves and of the iron, which the rule minimises
+    flux_Wb: float  #: reference
+
+
+NOWHERE = Settled(math.nan, math.nan, math.nan)
+#: Under a table the drive learns the torque's error from samples with much ripple, and the loss of
+#: the pattern scatters: it takes this long to settle, and so many stretches for a mean.
+TABLE_S, STRETCHES = 8.0, 5
+
+
+def modelled_W(recording, p):
+    """From the currents' means in axes that turn with the rotor's flux."""
+    i, psi = (
+        recording[f"plant.{of}_alpha_{unit}"] + 1j * recording[f"plant.{of}_beta_{unit}"]
+        for of, unit in (("i", "A"), ("psi", "Wb"))
+    )
+    rotor_A = (psi - (p.lls_H + p.lm_H) * i) / p.lm_H
+    rotor_Wb = (p.llr_H + p.lm_H) * rotor_A + p.lm_H * i
+    axis = np.exp(-1j * np.angle(rotor_Wb))
+    stator, rotor, flux = (abs(np.mean(wave * axis)) for wave in (i, rotor_A, psi))
+    omega = p.pole_pairs * abs(np.mean(recording["plant.speed_rpm"])) * math.pi / 30
+    iron = omega * (p.iron_hysteresis_A_Wb + p.iron_eddy_S * omega) * flux**2
+    return 3 * (p.rs_ohm * stator**2 + p.rr_ohm * rotor**2) + iron
+
+
 def settled(setup, speed_rpm, load_Nm, flux_Wb=None):
-    """(loss in steady state, W; flux reference there): with a constant flux if one is given. NaN if
-    it does not drive the load."""
+    """The steady state: with a constant flux if one is given. NOWHERE if it does not drive the
+    load."""
+    table = setup["controller.scheme"] == "ddr"
     sim = SimulatedDrive(setup)
     sim.start()
     sim.set("speed_ref_rpm", speed_rpm)
@@ -148,20 +176,23 @@ def settled(setup, speed_rpm, load_Nm, flux_Wb=None):
     if flux_Wb is not None:
         sim.set_many({"flux_least_loss": "off", "flux_ref_Wb": flux_Wb})
     sim.set("load_Nm", load_Nm)
-    sim.run(4.0, record=False)
-    period, legs = sim.periods, sim.inverter.leg.copy()
+    sim.run(TABLE_S if table else 4.0, record=False)
     seconds = max(0.5, CYCLES * 60 / (setup["machine.pole_pairs"] * speed_rpm))
-    sim.log_edges(math.ceil(seconds / sim.period_s + 1) * MOST_EDGES)
-    sim.run(seconds)
-    if sim.faults or abs(sim.speed_rpm - speed_rpm) > 0.01 * speed_rpm:
-        return math.nan, math.nan
-    recording = sim.take()
-    lost_W = balance(recording, bridge(recording, sim.edges_since(period, legs)))["loss_W"]
-    return lost_W, sim.controller.channel("flux_ref_Wb")
+    found = []
+    for _ in range(STRETCHES if table else 1):
+        period, legs = sim.periods, sim.inverter.leg.copy()
+        sim.log_edges(math.ceil(seconds / sim.period_s + 1) * MOST_EDGES)
+        sim.run(seconds)
+        if sim.faults or abs(sim.speed_rpm - speed_rpm) > 0.01 * speed_rpm:
+            return NOWHERE
+        recording = sim.take()
+        figures = balance(recording, bridge(recording, sim.edges_since(period, legs)))
+        found.append((figures["loss_W"], modelled_W(recording, sim.machine)))
+    return Settled(*np.mean(found, axis=0), sim.controller.channel("flux_ref_Wb"))
 
 
 def loss_W(*where):
-    return settled(*where)[0]
+    return settled(*where).loss_W
 
 
 def floor_Wb(setup):
@@ -187,25 +218,14 @@ def test_no_flux_above_the_floor_has_clearly_less_loss(point):
     setup = ruled(name, scheme)
     torque_Nm, speed_rpm = (share * r for share, r in zip(shares[::-1], rated(setup)))
     most_Wb = float(setup.parameter("flux_ref_Wb"))
-    found = loss_W(setup, speed_rpm, torque_Nm)
+    found = settled(setup, speed_rpm, torque_Nm)
     fluxes = np.geomspace(min(floor_Wb(setup), most_Wb), most_Wb, 8)
-    losses = [loss_W(setup, speed_rpm, torque_Nm, flux) for flux in fluxes]
-    # The flux of a table is that of its torque reference, which its torque is below (next test).
-    # And its pattern scatters the loss from flux to flux: the search has the best of eight.
-    assert found <= (1.03 if scheme == "ddr" else 1.01) * np.nanmin(losses)
-    assert found <= 1.01 * losses[-1]  # the constant flux
-
-
-def test_under_a_table_the_flux_is_that_of_a_torque_reference_which_the_torque_is_below():
-    """At a light load. The flux that the rule gives without this error has the least loss there."""
-    point = [0.1 * r for r in reversed(rated(ruled("small-2kw", "ddr")))]
-    found, table_Wb = settled(ruled("small-2kw", "ddr"), *point)
-    _, right_Wb = settled(ruled("small-2kw", "db-dtfc"), *point)
-    assert table_Wb > 1.03 * right_Wb
-    fluxes = np.linspace(0.9, 1.1, 7) * right_Wb
-    least = min(loss_W(ruled("small-2kw", "ddr"), *point, flux) for flux in fluxes)
-    assert loss_W(ruled("small-2kw", "ddr"), *point, right_Wb) < 1.006 * least
-    assert 1.006 * least < found < 1.02 * least
+    search = np.array([settled(setup, speed_rpm, torque_Nm, flux) for flux in fluxes])
+    least_W, least_modelled_W, _ = np.nanmin(search, axis=0)
+    assert found.modelled_W <= 1.01 * least_modelled_W
+    # The loss of a table's ripple grows with the flux. The rule does not know of it.
+    assert found.loss_W <= (1.025 if scheme == "ddr" else 1.01) * least_W
+    assert found.loss_W <= 1.01 * search[-1, 0]  # the constant flux
 
 
 @pytest.mark.parametrize("scheme", ("ddr", "db-dtfc"))

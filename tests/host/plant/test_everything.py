@@ -6,7 +6,7 @@ import numpy as np
 from plant_calls import KEEP, _advance, machine_J
 
 from hexatorque import SimulatedDrive, load
-from hexatorque.plant.legs import LOW, OFF
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.link import CHOPPER_J, DRIVE_J, LINE_A, RESISTANCE_J, SOURCE_J, V
 
 EVERYTHING = {
@@ -43,9 +43,11 @@ class Losses:
         out = i > 0
         # Out of the upper rail, or into the lower one, a current flows through the switch.
         through_switch = (legs != OFF) & (out ^ (legs == LOW))
-        volts = np.where(through_switch, d.v_switch_V, d.v_diode_V)
+        upper = (legs == HIGH) | ((legs == OFF) & (i < 0))
+        device = 2 * ~upper + ~through_switch  # in the order of legs.DEVICE_KINDS
+        volts = d.v_V[range(6), device]
         volts = np.where(legs != OFF, volts * np.tanh(np.abs(i) / d.knee_A), volts)
-        ohms = np.where(through_switch, d.r_switch_ohm, d.r_diode_ohm)
+        ohms = d.r_ohm[range(6), device]
         return np.sum(volts * np.abs(i) + ohms * i**2, axis=1)
 
     def machine_W(self, states):

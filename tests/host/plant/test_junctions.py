@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from plant_calls import NO_LOAD
+from scipy.optimize import fsolve
 
 from hexatorque import SetupError, SimulatedDrive, load
 from hexatorque.analysis.losses import bridge
@@ -50,19 +51,66 @@ def test_a_junction_follows_the_step_response_of_its_chain_and_ends_at_its_resis
     assert junctions.heat_J == pytest.approx(junctions.ambient_J + junctions.sink_J, rel=1e-9)
 
 
-def test_the_drops_follow_the_mean_junction_of_their_kind():
+def test_each_device_has_the_drops_of_its_own_junction():
     inverter, junctions = made(time_lapse=100.0)
-    for _ in range(50):
-        inverter.junctions.switching_J[:, [0, 2]] = 20.0 * STEP_S
+    watts = np.arange(24.0).reshape(6, 4)
+    for _ in range(200):
+        inverter.junctions.switching_J[:] = watts * STEP_S
         junctions.advance(STEP_S)
-    switches = junctions.junction_degC[:, [0, 2]].mean()
-    diodes = junctions.junction_degC[:, [1, 3]].mean()
-    assert switches > diodes > 60
-    devices = inverter.devices
-    assert devices.v_switch_V == pytest.approx(1.2 * (1 - 1e-3 * (switches - 25)))
-    assert devices.r_switch_ohm == pytest.approx(0.05 * (1 + 4e-3 * (switches - 25)))
-    assert devices.v_diode_V == pytest.approx(1.0 * (1 - 2e-3 * (diodes - 25)))
-    assert devices.r_diode_ohm == pytest.approx(0.03 * (1 + 2e-3 * (diodes - 25)))
+    degC = junctions.junction_degC
+    assert len(np.unique(degC.round(6))) == 24
+    for device, kind in enumerate(("switch", "diode", "switch", "diode")):
+        rise = degC[:, device] - 25
+        v_V = DROPS[f"v_{kind}_V"] * (1 + VALUES[f"{kind}_V_per_K"] * rise)
+        r_ohm = DROPS[f"r_{kind}_ohm"] * (1 + VALUES[f"{kind}_ohm_per_K"] * rise)
+        assert inverter.devices.v_V[:, device] == pytest.approx(v_V)
+        assert inverter.devices.r_ohm[:, device] == pytest.approx(r_ohm)
+
+
+def test_legs_at_standstill_settle_where_each_devices_own_loss_and_drop_agree():
+    """Two upper switches share the current of four lower ones, so they are hotter, and diodes stay
+    cold. A device that carries i is at theta = ambient + (R P + R_sink sum of P), P = v(theta) i +
+    r(theta) i^2; and the winding's voltage is what the drops leave of V_dc."""
+    changes = {f"inverter.{k}": v for k, v in DROPS.items()} | {
+        "heat.switch_K_W": [0.3, 0.4, 0.5, 0.2], "heat.switch_s": TIMES, "heat.sink_K_W": 0.1,
+        "heat.sink_s": 1.0, "heat.devices_degC": 25.0, "heat.ambient_degC": 40.0,
+        "heat.time_lapse": 10.0, "heat.switch_V_per_K": -2e-3, "heat.switch_ohm_per_K": 8e-3,
+        "heat.diode_V_per_K": 1e-2, "heat.diode_ohm_per_K": 1e-2,  # would be seen if it were taken
+    }  # fmt: skip
+    sim = SimulatedDrive(load("paper-a").changed(changes))
+    m = sim._machine
+    legs = [HIGH, HIGH, LOW, LOW, LOW, LOW]
+    for _ in range(800):
+        _follow(sim, legs, STEP_S, vdc_V=40.0)
+        sim.junctions.advance(STEP_S)
+    i = sim.plant_state[:6] @ m.i_phase.T
+    assert i[0] > 4 and abs(i[2]) < 0.6 * i[0]
+    carrying = np.where(np.array(legs) == HIGH, 0, 2)
+    each = np.arange(6)
+
+    def switch(degC):
+        rise = degC - 25
+        return 1.2 * (1 - 2e-3 * rise), 0.05 * (1 + 8e-3 * rise)
+
+    def watts(degC):
+        v_V, r_ohm = switch(degC)
+        return v_V * np.abs(i) + r_ohm * i**2
+
+    def open_K(degC):
+        return 40 + 1.4 * watts(degC) + 0.1 * watts(degC).sum() - degC
+
+    degC = fsolve(open_K, np.full(6, 60.0))
+    found = sim.junctions.junction_degC
+    assert degC[:2].min() > degC[2:].max() + 5
+    assert found[each, carrying] == pytest.approx(degC, abs=0.02)
+    cold = np.delete(found.ravel(), each * 4 + carrying)
+    assert cold == pytest.approx(sim.junctions.sink_degC, abs=1e-9)
+    # At standstill a winding is a resistance: Kirchhoff's law between legs of one set.
+    v_V, r_ohm = switch(degC)
+    leg_V = np.where(np.array(legs) == HIGH, 40.0, 0.0) - v_V * np.sign(i) - r_ohm * i
+    star_V = leg_V - (sim.machine.rs_ohm + np.array(sim.machine.drs_ohm)) * i
+    for first in (0, 1):
+        assert star_V[first::2] == pytest.approx(star_V[first::2].mean(), abs=2e-3)
 
 
 def test_conduction_heats_the_device_that_carries_the_current():
@@ -84,12 +132,12 @@ def test_conduction_heats_the_device_that_carries_the_current():
     assert carried[2:].tolist() == [[False, True, False, False]] * 4
 
 
-def _follow(sim, legs, seconds):
+def _follow(sim, legs, seconds, vdc_V=250.0):
     rows = np.array([[0, leg, state] for leg, state in enumerate(legs)], np.int64)
     periods = round(seconds / sim.period_s)
     states = np.empty((periods, 8))
     plant = Plant(sim._machine, NO_LOAD, sim.inverter, sim.sensors, sim.plant_state)
-    follow_log(rows, 0, sim._timing, plant, 250.0, sim._pwm, states)
+    follow_log(rows, 0, sim._timing, plant, vdc_V, sim._pwm, states)
 
 
 ENERGIES = {
