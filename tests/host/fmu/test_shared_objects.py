@@ -14,7 +14,8 @@ def test_a_header_that_differs_makes_another_object_file_and_the_same_texts_none
     seen = '__attribute__((visibility("default")))'
     texts = {
         "outer.h": '#include "inner.h"\n',
-        "first.c": f'#define OUTER "outer.h"\n#include OUTER\n{seen} int first(void) {{ return VALUE; }}\n',
+        "first.c": '#define OUTER "outer.h"\n#include OUTER\n'
+        f"{seen} int first(void) {{ return VALUE; }}\n",
         "second.c": f"{seen} int second(void) {{ return 7; }}\n",
     }
     found, files = [], []
