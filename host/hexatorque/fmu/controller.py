@@ -133,7 +133,8 @@ def has_zig() -> bool:
     return importlib.util.find_spec("ziglang") is not None
 
 
-def _compiled(compiler: list[str], folder: Path, output: Path) -> bytes:
+def compiled(compiler: list[str], folder: Path, output: Path) -> bytes:
+    """The binary of the sources in a folder."""
     files = sorted(path.name for path in folder.glob("*.c"))
     command = [*compiler, *EXACT, *HIDDEN, "-o", str(output), *files, "-lm"]
     if output.suffix != ".dll":
@@ -172,7 +173,7 @@ def _binaries(
     for name, compiler in targets.items():
         progress(name)
         place, suffix = ZIG[name][version - 2], ZIG[name][2]
-        image = _compiled(compiler, folder, out / f"{name}{suffix}")
+        image = compiled(compiler, folder, out / f"{name}{suffix}")
         images.setdefault(f"binaries/{place}/{identifier(of)}{suffix}", []).append(image)
     return {path: fat(*parts) if len(parts) > 1 else parts[0] for path, parts in images.items()}
 
@@ -199,6 +200,11 @@ def write(
     """Write the FMU of a set-up. of: its kind (`variables.KINDS`); version: of FMI, 2 or 3;
     only_here: without binaries for other systems; progress: called with the name of each system.
     Returns what systems it has binaries for."""
+    if of == "controller" and setup["controller.rotor_start"] == "index":
+        raise SetupError(
+            "fmu: controller.rotor_start = index: the encoder of a controller FMU has no index "
+            "pulse: choose align or known, or --kind drive"
+        )
     # The firmware says what it refuses, before anything is compiled.
     made = firmware.Controller(setup["timing.device"], parameters(setup))
     period_s = made.period_counts / float(made.map.pwm_clock_Hz)

@@ -10,7 +10,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+import shared_objects
 from campaigns import WHOLE
+from fmu_masters import Fmu, made_once
 
 from hexatorque import setups
 from hexatorque.cli.main import main
@@ -18,6 +20,7 @@ from hexatorque.fmu import controller
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "fmu.md").read_text()
+needs_zig = pytest.mark.skipif(not shared_objects.HAS_ZIG, reason="pip install 'hexatorque[fmu]'")
 
 
 @pytest.fixture(autouse=True)
@@ -26,9 +29,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_the_pages_commands_work(folder, capsys, monkeypatch):
-    """Binaries of other systems take minutes; a test of their own makes them."""
-    monkeypatch.setattr(controller, "has_zig", lambda: False)
+def test_the_pages_commands_work(folder, capsys):
     (folder / "mine.toml").write_text('setup = "paper-b"\n')
     (block,) = re.findall(r"```sh\n(.*?)```", PAGE, re.S)
     commands = [shlex.split(line)[1:] for line in block.splitlines()]
@@ -54,6 +55,10 @@ def test_the_pages_commands_work(folder, capsys, monkeypatch):
         (["a.fmu", "--set", "controller.vdc_min_V=900"], r".*vdc_min_V = 900 V: must be below .*"),
         (["a.fmu", "--fmi", "1"], r"--fmi: '1' is not one of '2', '3'.*"),
         (["/proc/none/a.fmu"], r"/proc/none/a\.fmu: .*"),
+        (
+            ["a.fmu", "--setup", "magnet-surface", "--set", "controller.rotor_start=index"],
+            r"fmu: controller\.rotor_start = index: .* no index pulse: choose align or known, .*",
+        ),
     ],
 )
 def test_a_mistake_is_one_line(words, line, capsys):
@@ -64,7 +69,6 @@ def test_a_mistake_is_one_line(words, line, capsys):
 
 
 def test_without_any_compiler_one_line_says_what_to_install(capsys, monkeypatch):
-    monkeypatch.setattr(controller, "has_zig", lambda: False)
     monkeypatch.setattr(controller, "program", lambda name: None)
     assert main(["fmu", "a.fmu"]) == 2
     said = capsys.readouterr().err.strip().splitlines()
@@ -73,7 +77,8 @@ def test_without_any_compiler_one_line_says_what_to_install(capsys, monkeypatch)
 
 @pytest.mark.parametrize("kind, version", (("controller", 2), ("drive", 2), ("drive", 3)))
 def test_its_sources_alone_make_the_binary(kind, version, folder):
-    """A tool compiles what the description lists, in one folder, and nothing else."""
+    """A tool compiles what the description lists, in one folder, and nothing else. The last option
+    saves time; that the optimised code has the right bits is for the tests of the FMUs."""
     controller.write(folder / "a.fmu", setups.load("paper-a"), kind, version, only_here=True)
     with zipfile.ZipFile(folder / "a.fmu") as archive:
         archive.extractall(folder)
@@ -85,7 +90,8 @@ def test_its_sources_alone_make_the_binary(kind, version, folder):
         assert listed == [file.get("name") for file in description.iter("File")]
     (options,) = (found.get("compilerOptions") for found in root.iter("SourceFileSet"))
     compiler = controller.program("cc") or controller.program("gcc")
-    command = [compiler, *shlex.split(options), "-fPIC", "-shared", "-o", "../a.so", *listed, "-lm"]
+    command = [compiler, *shlex.split(options), "-O0", "-fPIC", "-shared"]
+    command += ["-o", "../a.so", *listed, "-lm"]
 
     done = subprocess.run(command, cwd=folder / "sources", capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -98,6 +104,27 @@ def test_its_sources_alone_make_the_binary(kind, version, folder):
         in (folder / "documentation/licenses/license.txt").read_text()
     )
     assert not [name for name in names if re.match(r"sources/fmi\d", name)]  # none of FMI's headers
+
+
+@pytest.mark.parametrize("zig", (False, pytest.param(True, marks=needs_zig)), ids=("cc", "zig"))
+def test_one_command_makes_the_binary_that_the_other_tests_make_of_shared_objects(
+    zig, folder, monkeypatch
+):
+    """As a user's command compiles it, with either compiler. All outputs have the same bits."""
+    setup = setups.load("paper-a").changed({"controller.calibration_s": 0.01})
+    found = []
+    for one_command in (False, True):
+        if one_command:
+            shared_objects.by_command(monkeypatch, zig)
+        _, _, unpacked = made_once({}, folder, None, setup)
+        unpacked = unpacked.rename(folder / str(one_command))
+        fmu = Fmu(unpacked).begin(vdc_V=250.0, run=True)
+        found.append([])
+        for k in range(300):
+            fmu.set(i_u1_A=0.01 * k, position_rad=0.002 * k)
+            fmu.step()
+            found[-1].append(fmu.outputs)
+    assert found[0] == found[1] and len(set(found[0])) > 100
 
 
 #: How a binary of each system begins: ELF, PE, and Apple's formats.
@@ -117,9 +144,10 @@ BEGINNINGS = {
 
 
 @pytest.mark.skipif(not WHOLE, reason="takes minutes: HT_WHOLE=1 runs it")
-@pytest.mark.skipif(not controller.has_zig(), reason="pip install 'hexatorque[fmu]'")
+@needs_zig
 @pytest.mark.parametrize("version", (2, 3))
-def test_with_the_extra_there_are_binaries_for_other_systems(version, folder):
+def test_with_the_extra_there_are_binaries_for_other_systems(version, folder, monkeypatch):
+    shared_objects.by_command(monkeypatch, zig=True)
     controller.write(folder / "a.fmu", setups.load("paper-a"), version=version)
     with zipfile.ZipFile(folder / "a.fmu") as archive:
         found = {name: archive.read(name) for name in archive.namelist() if "binaries/" in name}
