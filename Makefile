@@ -2,6 +2,7 @@
 #
 #   make demo          compare all schemes of both papers; report in out/compare
 #   make papers        every figure and table of both papers; page in out/papers
+#   make comparison    the search for docs/comparison.md and docs/interleaved.md; hours of computing time
 #   make test          the tests that need nothing else; HT_WHOLE=1 runs every case of the campaigns
 #   make test-quick    the quick ones of these, for while you edit
 #   make test-targets  the others: emulated processors, browser, static checks; names missing tools
@@ -39,12 +40,12 @@ FUZZ_S ?= 120
 MUTANTS ?= 1000
 MUTANTS_PYTHON ?= 600
 
-.PHONY: help demo papers papers-quick test test-computes test-waits test-quick test-c test-targets \
+.PHONY: help demo papers papers-quick comparison test test-computes test-waits test-quick test-c test-targets \
   test-fresh test-windows test-windows-quick dist budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs web lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,24s/^# \{0,1\}//p' Makefile
+	@sed -n '3,25s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -62,6 +63,12 @@ build/host/.built: $(C_SOURCES) $(VENV)/.installed
 	$(BIN)/cmake --preset host -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null
 	$(BIN)/cmake --build --preset host
 	@touch $@
+
+# Interrupted, it goes on where it was.
+comparison: $(VENV)/.installed
+	$(BIN)/hexatorque evidence papers references --rivals 2 -o out/papers
+	$(BIN)/hexatorque evidence limit -o out/papers
+	$(BIN)/python tools/write_comparison.py out/papers
 
 test-c: build/host/.built
 	$(BIN)/ctest --preset host

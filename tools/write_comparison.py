@@ -1,5 +1,6 @@
-"""Renew the generated parts of docs/comparison.md from what `hexatorque evidence papers references`
-and `hexatorque evidence limit` wrote into a folder, or one of them, and from docs/budget.json.
+"""Renew the generated parts of docs/comparison.md and docs/interleaved.md from what `hexatorque
+evidence papers references` and `hexatorque evidence limit` wrote into a folder, or one of them, and
+from docs/budget.json.
 
 Usage: write_comparison.py [OUT_DIR]
 
@@ -22,7 +23,14 @@ from hexatorque.evidence.studies import limit as study
 PAGE = Path("docs/comparison.md")
 NAME = "REFERENCES"
 LIMIT = "limit"
-PICTURES = (NAME, f"{NAME}-others", LIMIT)
+PICTURES = (NAME, f"{NAME}-others")
+#: Of the page of db-ipwm.
+INTERLEAVED = "interleaved"
+#: Its ends of the knob, each with its figure and the rivals.
+ENDS = (
+    ("db-ipwm smooth", "td_Nm", "Td", ("fcs-mpc", "db-dtfc κ=1", "foc")),
+    ("db-ipwm", "thd_inf_pct", "THD∞", ("fcs-mpc", "db-dtfc alternating", "foc")),
+)
 MACHINE = "mps2-an386"
 #: Within this limit one number of each figure is shown.
 SHOWN = "4000"
@@ -74,7 +82,7 @@ def _again(first: list[dict], again: dict) -> list[str]:
             for family, ratio in old["against"].items()
         ]
     return [
-        f"With {again['times']} times the budget for every method but `db-dtfc`, {len(changed)} of "
+        f"With {again['times']} times the budget for all but this project's laws, {len(changed)} of "
         f"the {len(first)} sentences change. The figures, with equal budgets and with the larger "
         f"one: {doc_page.keep_data(PAGE, 'budgets', heads, rows)}."
     ]
@@ -206,6 +214,18 @@ def _relative(points: list[dict], one: str, other: str, figure: str) -> str:
     return f"{mean:.2f} ({min(ratios):.2f} … {max(ratios):.2f})"
 
 
+def interleaved(metrics: dict) -> str:
+    """Both ends of db-ipwm's knob over the best of others."""
+    points = (metrics.get("rivals") or metrics["equal"])["points"]
+    rows = [
+        [f"{label} of `{name}`", *(f"`{r}`: {_relative(points, name, r, key)}" for r in rivals)]
+        for name, key, label, rivals in ENDS
+    ]
+    heads = ["at its best within 4 kHz, over …", "", "", ""]
+    lines = doc_page.table(heads, rows)
+    return "\n".join([*lines, "", "Geometric mean over the points (least … largest)."]) + "\n"
+
+
 def published(metrics: dict) -> str:
     """Statements that others print, and the same ratio here."""
     points = (metrics.get("rivals") or metrics["equal"])["points"]
@@ -266,7 +286,7 @@ def measured(folder: Path) -> dict[str, str]:
     parts = {}
     if found := doc_page.read_figures(folder, [NAME]):
         metrics = found[NAME]["metrics"]
-        for part in (sentences, fronts, sampling, steps, errors, published):
+        for part in (sentences, fronts, sampling, steps, errors, published, interleaved):
             parts[part.__name__] = part(metrics)
     if (folder / f"{LIMIT}.json").exists():
         parts[LIMIT] = limit(folder)
@@ -279,7 +299,9 @@ def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
     parts = measured(folder) if folder else {}
     parts["costs"] = costs(json.loads((PAGE.parent / "budget.json").read_text()))
+    own = {part: parts.pop(part) for part in (INTERLEAVED, LIMIT) if part in parts}
     doc_page.renew_page(PAGE, parts, PICTURES if folder else (), folder or Path())
+    doc_page.renew_page(PAGE.with_stem(INTERLEAVED), own, (LIMIT,) if own else (), folder or Path())
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     type=click.IntRange(1, 8),
     default=1,
     show_default=True,
-    help="REFERENCES: how many times the search's budget the rivals of db-dtfc get, beside a "
+    help="REFERENCES: how many times the search's budget the rivals of our laws get, beside a "
     "comparison with equal budgets",
 )
 @options.folder("out/papers")

@@ -21,6 +21,8 @@ from ...laws.law import Law
 from ...setups import Setup
 
 OURS = "db-dtfc"
+#: This project's laws: their rivals may get a larger budget.
+OWN = (OURS, "db-ipwm")
 #: About the frequency of the slow interrupt.
 SLOW_LOOP_HZ = 100.0
 #: Samples of the plant in a period of the PWM.
@@ -87,7 +89,7 @@ class Method:
 
     @property
     def ours(self) -> bool:
-        return self.scheme == OURS
+        return self.scheme in OWN
 
     def values(self, setup: Setup, at: np.ndarray) -> dict[str, Any]:
         """The values of a setting: parameters of the controller and of the law."""

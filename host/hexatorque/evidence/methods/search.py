@@ -176,7 +176,7 @@ def each_at_each(
     job: Job, search: Search, places: list[Place], methods: tuple[Method, ...], rivals: int = 1
 ) -> dict[Place, dict[str, list[dict]]]:
     """Place -> method -> its settings with which the drive holds the point. rivals: how many times
-    the budget the rivals of our scheme get."""
+    the budget the rivals of our laws get."""
     tasks = [(place, method) for place in places for method in methods]
 
     def one(task: tuple[Place, Method]) -> list[dict]:

@@ -10,6 +10,7 @@ from hexatorque.evidence.methods.methods import (
     FAMILIES,
     MODULATED,
     OURS,
+    OWN,
     SAMPLES,
     controller,
     methods,
@@ -60,9 +61,9 @@ def test_every_method_has_the_same_budget():
 
 def test_what_is_a_choice_has_no_part_of_the_budget_for_values():
     """Where our law is clamped is not searched in a variant that is clamped, or is not."""
-    ours = [method for method in methods() if method.ours]
-    assert len(ours) == 4
-    for method in ours:
+    variants = [method for method in methods() if method.scheme == OURS]
+    assert len(variants) == 4
+    for method in variants:
         free, fixed = {axis.name for axis in method.axes}, {name for name, _ in method.fixed}
         assert not free & fixed
         assert ({"kappa", "clamp"} <= free) == method.name.endswith(" free")
@@ -163,7 +164,8 @@ def test_only_the_rivals_get_the_larger_budget(counted, tmp_path):
     for scheme, *_ in counted:
         tried[scheme] = tried.get(scheme, 0) + 1
     once = len(MACHINES) * methods()[0].quick.settings
-    assert tried[OURS] == sum(method.ours for method in methods()) * once
+    for scheme in OWN:
+        assert tried[scheme] == sum(method.scheme == scheme for method in methods()) * once
     assert tried["foc"] == 3 * once
     assert len(points) == len(MACHINES)
 

@@ -20,7 +20,7 @@ B = TypeVar("B")
 class Job:
     """quick: fewer points and shorter windows; folder: measured points are kept there, so that an
     interrupted sweep can continue; progress: called with simulated seconds; rivals: how many times
-    the budget of a search our scheme's rivals get; threads: that work on it, default one a core."""
+    the budget of a search our laws' rivals get; threads: that work on it, default one a core."""
 
     def __init__(
         self,
