@@ -221,7 +221,7 @@ def interleaved(metrics: dict) -> str:
         [f"{label} of `{name}`", *(f"`{r}`: {_relative(points, name, r, key)}" for r in rivals)]
         for name, key, label, rivals in ENDS
     ]
-    heads = ["at its best within 4 kHz, over …", "", "", ""]
+    heads = ["at its best within 4 kHz", *["over …"] * 3]
     lines = doc_page.table(heads, rows)
     return "\n".join([*lines, "", "Geometric mean over the points (least … largest)."]) + "\n"
 

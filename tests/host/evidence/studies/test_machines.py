@@ -126,8 +126,9 @@ def test_rated_torque_at_a_few_r_min_on_machines_that_are_told_wrong(number, way
 
 
 PLATE, COS_PHI = machines.OTHER_WAYS[:2]
-#: R_s 2.4 times the believed one, and 0.3 times; leakage twice, so that torque limit and weakened flux are beyond
-#: the true pull-out; L_m four times, so that the current model pulls the flux at no load.
+#: R_s 2.4 times the believed one, and 0.3 times; leakage twice, so that torque limit and weakened
+#: flux are beyond the true pull-out; L_m four times, so that the current model pulls the flux at no
+#: load.
 FAR_OFF = [
     (223, PLATE, ((0.03, 0), (0.03, 1), (0.03, -1))),
     (48, COS_PHI, ((0.03, 0), (0.03, 1), (0.3, 1), (0.3, 0))),
