@@ -82,7 +82,7 @@ def _again(first: list[dict], again: dict) -> list[str]:
             for family, ratio in old["against"].items()
         ]
     return [
-        f"With {again['times']} times the budget for all but this project's laws, {len(changed)} of "
+        f"With {again['times']} times the budget for all but our laws, {len(changed)} of "
         f"the {len(first)} sentences change. The figures, with equal budgets and with the larger "
         f"one: {doc_page.keep_data(PAGE, 'budgets', heads, rows)}."
     ]
