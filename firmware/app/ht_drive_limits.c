@@ -90,7 +90,11 @@ static ht_limit torque_limit(const ht_drive *d, const ht_drive_config *c, float 
                                                  : (unsigned)HT_LIMIT_FLUX;
     float pull_out_Nm = c->pull_out_Nm_Wb2 * flux_ref * flux_ref;
     limit_to(&limit, pull_out_Nm, flux);
-    limit_to(&limit, shown_pull_out_Nm(d, c, pull_out_Nm), flux);
+    /* Only a weakened flux: the pull-out of a full one is far beyond the rated torque, and a current
+     * along it may as well be that of an inductance that is believed too large. */
+    if (flux == (unsigned)HT_LIMIT_VOLTAGE) {
+        limit_to(&limit, shown_pull_out_Nm(d, c, pull_out_Nm), flux);
+    }
     if ((c->params.v[HT_P_flux_least_loss] != 0.0f)
         && (d->flux_ramp_Wb < c->params.v[HT_P_flux_ref_Wb])) {
         limit_to(&limit, c->least_loss.reach_Nm_Wb2 * flux_ref * flux_ref, HT_LIMIT_FLUX);
