@@ -208,6 +208,18 @@ def grouped(names: Iterable[str]) -> dict[str, list[str]]:
     return {title: members for title, members in groups.items() if members}
 
 
+@lru_cache
+def parameters_of_all_boards() -> dict[str, Parameter]:
+    """The parameter table, by name, with the ranges of all boards together."""
+    boards = [parameters(device) for device in DEVICES]
+    return {
+        name: replace(
+            row, min=min(own[name].min for own in boards), max=max(own[name].max for own in boards)
+        )
+        for name, row in parameters().items()
+    }
+
+
 def _on_port(row: Parameter, port: CData) -> Parameter:
     span = lib.ht_param_range(port, row.id)
     return replace(row, min=decimal(span.min), max=decimal(span.max))

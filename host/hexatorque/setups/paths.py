@@ -31,7 +31,7 @@ def controller() -> dict[str, Key]:
             "choice" if row.choices else "integer" if row.whole else "number",
             row.help, row.unit, row.min, row.max, row.choices,
         )
-        for name, row in firmware.parameters().items()
+        for name, row in firmware.parameters_of_all_boards().items()
         if name not in TIMING_OWNS
     }  # fmt: skip
 

@@ -331,6 +331,13 @@ def test_step_follows_the_machine():
     assert longest_s == pytest.approx(0.1 * 0.3e-3 / 6.0, rel=0.1)
 
 
+@pytest.mark.parametrize("us", (0.0, 1.9, 45.0, math.nan))
+def test_a_pulse_that_no_board_allows_is_named_with_the_boards_range(us):
+    said = rf"controller\.min_pulse_us = {us:g}: allowed range is 2 \.\. 20 us"
+    with pytest.raises(setups.SetupError, match=said):
+        setups.load("paper-a").changed(controller__min_pulse_us=us)
+
+
 @pytest.mark.parametrize("us", (0.0, 0.1, 7.0))
 def test_dead_time_that_the_board_does_not_allow_is_named(us):
     said = rf"inverter\.dead_time_us = {us:g}: allowed range is 1 \.\. 6\.82 us"
