@@ -174,6 +174,7 @@ test-fresh:
 
 budget: $(VENV)/.installed
 	$(BIN)/hexatorque evidence budget -o docs
+	$(BIN)/python tools/write_comparison.py
 
 bench: build/host/.built
 	$(BIN)/hexatorque evidence speed --counter build/host/tests/c/count_instructions \

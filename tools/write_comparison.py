@@ -4,7 +4,7 @@ from docs/budget.json.
 
 Usage: write_comparison.py [OUT_DIR]
 
-Without a folder only the table of instructions and memory is renewed.
+Without a folder only the table of instructions and memory and that of db-ipwm's ends are renewed.
 """
 
 from __future__ import annotations
@@ -214,11 +214,20 @@ def _relative(points: list[dict], one: str, other: str, figure: str) -> str:
     return f"{mean:.2f} ({min(ratios):.2f} … {max(ratios):.2f})"
 
 
-def interleaved(metrics: dict) -> str:
-    """Both ends of db-ipwm's knob over the best of others."""
-    points = (metrics.get("rivals") or metrics["equal"])["points"]
+def interleaved() -> str:
+    """Both ends of db-ipwm's knob over the best of others, from the fronts that the page has."""
+    columns = {"td_Nm": f"Td ≤ {float(SHOWN) / 1e3:g} kHz", "thd_inf_pct": "THD∞ [%]"}
+    head, *fronts = doc_page.read_data(PAGE, "fronts")
+    points: dict[str, dict] = {}
+    for row in fronts:
+        one = dict(zip(head, row))
+        points.setdefault(one["point"], {})[one["method"]] = {
+            key: {SHOWN: None if one[of] == "–" else {key: float(one[of])}}
+            for key, of in columns.items()
+        }
+    best = [{"best": methods} for methods in points.values()]
     rows = [
-        [f"{label} of `{name}`", *(f"`{r}`: {_relative(points, name, r, key)}" for r in rivals)]
+        [f"{label} of `{name}`", *(f"`{r}`: {_relative(best, name, r, key)}" for r in rivals)]
         for name, key, label, rivals in ENDS
     ]
     heads = ["at its best within 4 kHz", *["over …"] * 3]
@@ -286,7 +295,7 @@ def measured(folder: Path) -> dict[str, str]:
     parts = {}
     if found := doc_page.read_figures(folder, [NAME]):
         metrics = found[NAME]["metrics"]
-        for part in (sentences, fronts, sampling, steps, errors, published, interleaved):
+        for part in (sentences, fronts, sampling, steps, errors, published):
             parts[part.__name__] = part(metrics)
     if (folder / f"{LIMIT}.json").exists():
         parts[LIMIT] = limit(folder)
@@ -299,9 +308,12 @@ def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
     parts = measured(folder) if folder else {}
     parts["costs"] = costs(json.loads((PAGE.parent / "budget.json").read_text()))
-    own = {part: parts.pop(part) for part in (INTERLEAVED, LIMIT) if part in parts}
+    own = {part: parts.pop(part) for part in (LIMIT,) if part in parts}
+    own[INTERLEAVED] = interleaved()
     doc_page.renew_page(PAGE, parts, PICTURES if folder else (), folder or Path())
-    doc_page.renew_page(PAGE.with_stem(INTERLEAVED), own, (LIMIT,) if own else (), folder or Path())
+    doc_page.renew_page(
+        PAGE.with_stem(INTERLEAVED), own, (LIMIT,) if folder else (), folder or Path()
+    )
 
 
 if __name__ == "__main__":

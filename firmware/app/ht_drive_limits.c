@@ -55,9 +55,9 @@ float ht_drive_load(const ht_drive *d, const ht_drive_config *c)
 #define LEAST_PULL_OUT 0.5f
 
 /* The torque limit by the pull-out torque that the current shows, N m; `believed_Nm` where it shows
- * none. In steady state the current's end is on a circle through the no-load current. One point of it,
- * beyond that current by along and across the flux, tells the radius, whatever the leakage is:
- * (along + across^2/along)/2. It is the current across the flux at pull-out. */
+ * none. In steady state the tip of the current lies on a circle through that of the no-load current.
+ * Its distance from there, along and across the flux and as torques, tells the radius whatever the
+ * leakage is: (along + across^2/along)/2. This radius is the pull-out torque. */
 static float shown_pull_out_Nm(const ht_drive *d, const ht_drive_config *c, float believed_Nm)
 {
     ht_ab psi = d->control.estimate.psi_Wb;
@@ -69,8 +69,8 @@ static float shown_pull_out_Nm(const ht_drive *d, const ht_drive_config *c, floa
         * (psi.alpha * (ls_H * i.alpha - psi.alpha) + psi.beta * (ls_H * i.beta - psi.beta));
     float least_Nm = LEAST_PULL_OUT * believed_Nm;
     float shown_Nm = believed_Nm;
-    /* At this share of pull-out the current along the flux has risen by half of its part across: sin t
-     * = 0.8, 1 - cos t = 0.4. Far from there noise would decide. */
+    /* On the circle (sin t across, 1 - cos t along) `along` is 0.4 radii where `across` is 0.8. Far
+     * below that noise would decide. */
     if (along_Nm > (0.5f * least_Nm)) {
         shown_Nm = HT_PULL_OUT_SHARE * 0.5f * (along_Nm + across_Nm * across_Nm / along_Nm);
         shown_Nm = (shown_Nm > least_Nm) ? shown_Nm : least_Nm;

@@ -216,3 +216,19 @@ def test_the_documentation_shows_the_sentences_and_every_method(tool):
             with (ROOT / "docs/data" / f"{part}.csv").open() as file:
                 methods_told = {row.get("method") for row in csv.DictReader(file)}
             assert methods_told == set(BY_NAME), part
+
+
+def test_the_page_of_db_ipwm_has_the_ends_that_follow_from_the_fronts(tool, monkeypatch):
+    """Each ratio again, from the table that both pages lead to."""
+    monkeypatch.chdir(ROOT)
+    own = (ROOT / "docs/interleaved.md").read_text().split("<!-- generated: interleaved -->\n")[1]
+    assert own.split("<!-- end of interleaved -->")[0] == tool.interleaved()
+    with (ROOT / "docs/data/fronts.csv").open() as file:
+        rows = {(row["point"], row["method"]): row for row in csv.DictReader(file)}
+    points = {point for point, _ in rows}
+    td = [
+        float(rows[point, "db-ipwm smooth"]["Td ≤ 4 kHz"]) / float(rows[point, "foc"]["Td ≤ 4 kHz"])
+        for point in points
+    ]
+    mean = math.prod(td) ** (1 / len(td))
+    assert f"| `foc`: {mean:.2f} ({min(td):.2f} … {max(td):.2f}) |" in own
