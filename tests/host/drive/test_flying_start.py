@@ -27,8 +27,8 @@ SHARES = (0.1, 0.5, 1.0, 1.5)
 PAUSES = (None, 0.0, 0.3, 1.0, 2.0, 5.0)
 #: No current of a catch may come nearer to the trip.
 MOST = 0.8
-#: Seconds over which the largest current of a drive that was not caught is looked for.
-ALONE_S = 20
+#: Seconds in which a drive that was not caught may come as near to the trip.
+ALONE_S = 200
 #: The shaft feels no more than this, in torque limits, before torque control begins; the flux is
 #: known within this, in references.
 TORQUE, FLUX = 0.35, 0.25
@@ -156,6 +156,15 @@ def never_caught(case):
     return shaft if shaft.sim.state == firmware.RUN else None
 
 
+def comes_as_near(alone, trips):
+    """Whether the drive that was not caught comes near the trip, too. trips: it must trip."""
+    for _ in range(ALONE_S):
+        near = alone.peak(1.0) >= MOST
+        if alone.sim.faults or (near and not trips):
+            return True
+    return False
+
+
 def tried(case):
     """A row for each pause: pause, faults in the catch, faults until 0.3 s later, and what `caught`
     returns."""
@@ -189,7 +198,7 @@ def test_a_turning_shaft_is_caught(case):
         assert torque < TORQUE and flux < FLUX, pause
         after.append(math.inf if faults else run)
     if max(after) >= MOST:
-        assert max(alone.peak(1.0) for _ in range(ALONE_S)) >= MOST
+        assert comes_as_near(alone, math.isinf(max(after)))
 
 
 @pytest.mark.parametrize("setup", ("large-110kw", "37 kW 400 V"))
