@@ -733,9 +733,9 @@ def _without_interrupts_A(
     return peak_A
 
 
-def lost_interrupt_A(setup: str, slow_Hz: float, instants: int = 6) -> float:
+def lost_interrupt_A(setup: str, scheme: str, slow_Hz: float, instants: int = 6) -> float:
     """Until the dead-man timer takes the gates off."""
-    base = setups.load(setup).changed(controller__f_slow_Hz=slow_Hz)
+    base = setups.load(setup).with_scheme(scheme).changed(controller__f_slow_Hz=slow_Hz)
     return _without_interrupts_A(base, instants, lambda sim: sim.run(0.05))
 
 
