@@ -72,6 +72,10 @@ MORE_MAIN = 1.5
 #: Low pass of the lost leg's residual.
 LEAST_SAMPLES = number_of("core/ht_voltage_law.h", "HT_LEAST_SAMPLES")
 LOSS_FILTER_S = number_of("core/ht_leg_loss.h", "HT_LEG_LOSS_FILTER_S")
+#: x-y voltage of six legs without current, over the dead-time voltage. The drive takes half of an
+#: edge's dead time there, and all of it, or nothing, may act. The longest sum of six vectors that
+#: are 30 degrees apart, each along or against its axis, is 1 / sin 15 degrees; x-y has a third.
+SIX_LEGS = 0.5 / 3 / math.sin(math.pi / 12)
 #: sigma L_s over L_xy from which `db-ipwm` has least distortion by default: the ripple that its
 #: carriers move from the torque into x-y is then many times as large as a current.
 CLEAN_FROM = 3.0
@@ -416,7 +420,10 @@ def _torque_limit_Nm(k: Known) -> float:
 def _loss_check(k: Known) -> float:
     step_A = 2 * k.setup["sensors.i_full_A"] / 4096
     noise_V = k.machine.lxy_H * step_A / LOSS_FILTER_S
-    least_V = max(0.012 * k.vdc_V, 0.3 * k.dead_V, 10 * noise_V)
+    # While the flux falls to that of least loss, all six currents may pass through zero together,
+    # and no leg's dead time is known.
+    unknown = SIX_LEGS if k["flux_least_loss"] == "on" else 0.3
+    least_V = max(0.012 * k.vdc_V, unknown * k.dead_V, 10 * noise_V)
     return min(least_V / k["vdc_max_V"], 1.0)
 
 
@@ -542,8 +549,8 @@ OPEN: dict[str, Rule] = {
     ),
     "stuck_trip_A": Rule("4 % of the sensors' range", lambda k: 0.04 * k.setup["sensors.i_full_A"]),
     "loss_check": Rule(
-        "1.2 % of Vdc, but 30 % of the dead-time voltage at least, and 10 times L_xy/2 ms times a "
-        "step of a 12-bit converter; over vdc_max_V",
+        "1.2 % of Vdc, but 30 % of the dead-time voltage at least (with flux_least_loss 64 %), and "
+        "10 times L_xy/2 ms times a step of a 12-bit converter; over vdc_max_V",
         _loss_check,
     ),
     "build_current_A": Rule(
