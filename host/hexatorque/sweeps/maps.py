@@ -55,7 +55,7 @@ def draw(results: Results, title: str, path: Path) -> Path:
         good = values[np.isfinite(values)]
         span = (good.min(), good.max()) if good.size else (0.0, 1.0)
         for ax, scheme in zip(axes[row], panels):
-            ax.set_title(f"{scheme} {name} [{unit(name)}]".strip(), **TITLE)
+            ax.set_title("\n".join(filter(None, (scheme, f"{name} [{unit(name)}]"))), **TITLE)
             ax.set_xlabel(_label(numeric[0]), **LABEL)
             if len(numeric) == 1:
                 _lines(ax, over[:, 0], values, np.array(schemes))

@@ -187,8 +187,24 @@ def test_kinds_of_a_scheme_are_not_mixed_over_numbers(tmp_path, monkeypatch, ove
     study.map(tmp_path / "m.png")
     if over == 2:
         titles = [ax.get_title() for ax in drawn[0].axes]
-        assert "ddr, flux_least_loss on loss_W [W]" in titles
-        assert "ddr, flux_least_loss off loss_W [W]" in titles
+        assert "ddr, flux_least_loss on\nloss_W [W]" in titles
+        assert "ddr, flux_least_loss off\nloss_W [W]" in titles
     else:
         lines = {line.get_label(): set(line.get_ydata()) for line in drawn[0].axes[0].lines}
         assert lines == {"ddr, flux_least_loss off": {2.0}, "ddr, flux_least_loss on": {1.0}}
+
+
+def test_titles_of_a_map_are_whole_and_apart(monkeypatch, tmp_path):
+    """Kind and figure on one line were cut at the picture's edge."""
+    keys = {"controller.flux_least_loss": ["off", "on"], "point.speed_rpm": [500, 1000]}
+    keys |= {"point.load_Nm": [1.0, 2.0]}
+    study = Study("small-2kw", keys, ["efficiency_pct"], schemes=["db-dtfc"])
+    drawn = []
+    monkeypatch.setattr(maps, "_save", lambda figure, path: drawn.append(figure) or path)
+    for number in range(len(study)):
+        study.results.add(Row(number, (80.0 + number,)))
+    study.map(tmp_path / "m.png")
+    (figure,) = drawn
+    figure.draw_without_rendering()
+    first, second = (ax.title.get_window_extent() for ax in figure.axes if ax.get_title())
+    assert 0 < first.x0 and first.x1 < second.x0 and second.x1 < figure.bbox.x1
