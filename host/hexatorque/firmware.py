@@ -312,7 +312,7 @@ _MOST: dict[int, Callable[[Callable[[str], Any]], float]] = {
 }
 
 
-def _least_band_V(value_of: Callable[[str], Any]) -> float:
+def least_band_V(value_of: Callable[[str], Any]) -> float:
     """Least `vdc_band_V` that the capacitor holds."""
     values = [row.parse(value_of(name)) for name, row in parameters().items()]
     return float(lib.ht_misfit_band_V(ffi.new("ht_params *", [values])))
@@ -347,7 +347,7 @@ def least_ripple_Hz(value_of: Callable[[str], Any]) -> float:
 
 #: The same with its least value.
 _LEAST: dict[int, Callable[[Callable[[str], Any]], float]] = {
-    lib.HT_MISFIT_VDC_BAND: _least_band_V,
+    lib.HT_MISFIT_VDC_BAND: least_band_V,
     lib.HT_MISFIT_STOP_TIME: _least_stop_s,
     lib.HT_MISFIT_HEAT_TIMES: _least_winding_s,
     lib.HT_MISFIT_SHORT_BEARS: _least_short_A,

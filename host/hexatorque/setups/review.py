@@ -65,6 +65,9 @@ PEAK = "current at the torque limit, ripple and x-y current"
 #: Of the trip: a machine whose values are so far off may reach it.
 NEAR = 0.85
 SWITCHES = "switching frequency at full voltage, about"
+#: The level that is proposed for braking lies at this share of the way from the source's voltage to
+#: the highest one, with a band of the second share at least.
+LEVEL_SHARE, BAND_SHARE = 0.8, 0.2
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,7 @@ def review(setup: Setup, schemes: Iterable[str], steady: bool = True) -> list[Fi
     findings = [
         *(_of_magnets(design) if design.magnets else _believable(design)),
         *_fits(design),
+        *_link(design),
         *(_currents_of_magnets(design) if design.magnets else _currents(design)),
         *_loops(design),
         *_speed(design),
@@ -464,6 +468,12 @@ def _fits(d: Design) -> Iterator[Finding]:
             "vdc_low_V + vdc_band_V below the link", p("vdc_low_V") + p("vdc_band_V"), d.vdc_V, "V",
             "lower controller.vdc_low_V: above the source's voltage the drive could not drive",
         )  # fmt: skip
+    if p("flux_least_loss") == "on":
+        yield at_most(
+            "flux_reserve_Nm, which leaves a flux to save", p("flux_reserve_Nm"),
+            PULL_OUT_SHARE * d.pull_out_Nm, "N m",
+            "lower controller.flux_reserve_Nm: the whole flux makes no more", "note",
+        )  # fmt: skip
     if p("winding_K_W") > 0:
         yield at_most(
             "winding at rated current, in the end", _rated_degC(d), p("winding_limit_degC"), "degC",
@@ -745,6 +755,63 @@ def _speed(d: Design) -> Iterator[Finding]:
             "end of field weakening", weak_rpm, d.rated_rpm, "r/min",
             "lower controller.flux_min_Wb, or raise inverter.vdc_V",
         )  # fmt: skip
+
+
+def _link(d: Design) -> Iterator[Finding]:
+    """What braking makes of the dc link's capacitor, and what its power stage must bear."""
+    p, setup = d.parameter, d.setup
+    link_F, ohm = setup["inverter.link_F"], setup["inverter.chopper_ohm"]
+    chopper_V = setup["inverter.chopper_on_V"] or p("chopper_on_V")
+    speed_rad_s = rad_s(d.asked_rpm or d.rated_rpm)
+    if speed_rad_s == 0:
+        return
+    if chopper_V > 0:
+        braking_Nm = p("torque_limit_Nm")
+        if 0 < p("torque_negative_Nm") < braking_Nm:
+            braking_Nm = p("torque_negative_Nm")
+        braking_W = braking_Nm * speed_rad_s
+        most_ohm = chopper_V**2 / braking_W
+        yield _told("braking power at the fastest speed, at most", braking_W, "W")
+        if ohm > 0:
+            yield at_most(
+                "chopper's resistor, which takes this power", ohm, most_ohm, "ohm",
+                "take one of less resistance, or limit the braking: torque_negative_Nm or "
+                "vdc_high_V", "note",
+            )  # fmt: skip
+        else:
+            yield _told("resistor that takes this power, at most", most_ohm, "ohm")
+    elif link_F > 0:
+        energy_J = 0.5 * d.machine.inertia_kgm2 * speed_rad_s**2
+        reached_V = math.hypot(max(d.links_V), math.sqrt(2 * energy_J / link_F))
+        if p("vdc_high_V") == 0:
+            yield at_most(
+                "dc link after braking from the fastest speed, without losses", reached_V,
+                p("vdc_max_V"), "V", _limited_link(d, energy_J), "note",
+            )  # fmt: skip
+
+
+def _limited_link(d: Design, energy_J: float) -> str:
+    """Values with which the drive brakes no harder than the link bears."""
+    from .. import firmware
+
+    highest_V, trip_V = max(d.links_V), d.parameter("vdc_max_V")
+    share = next(order.share for order in firmware.orders() if order.less == "vdc_high_V")
+    room_V = share * trip_V - highest_V
+    if room_V <= 0:
+        return "raise controller.vdc_max_V"
+    high_V = highest_V + LEVEL_SHARE * room_V
+    needed_F = 2 * energy_J / (trip_V**2 - highest_V**2)
+    others = f"a chopper, or a capacitor of {needed_F:.2g} F for the shaft's {energy_J:.3g} J"
+
+    def with_level(name: str) -> Any:
+        return high_V if name == "vdc_high_V" else d.parameter(name)
+
+    band_V = max(firmware.least_band_V(with_level), BAND_SHARE * room_V)
+    if band_V > high_V - highest_V:
+        return f"this capacitor is too small for a level of the drive: it takes {others}"
+    return (
+        f"set controller.vdc_high_V = {high_V:.4g} and vdc_band_V = {band_V:.3g}, or take {others}"
+    )
 
 
 def _power_stage(d: Design) -> Iterator[Finding]:

@@ -8,7 +8,7 @@ import shlex
 
 import pytest
 
-from hexatorque import chips, measure, setups
+from hexatorque import SimulatedDrive, chips, measure, setups
 from hexatorque.cli.main import main
 from hexatorque.firmware import schemes
 from hexatorque.setups import estimate, new, published
@@ -105,6 +105,89 @@ def test_a_capacitor_outlasts_a_source_that_is_lost():
     found = sagging(0, inverter__link_F=1e-3)
     assert {f.subject: f for f in found}["vdc_min_V below the link"].verdict == "ok"
     assert not any("0 V" in f.subject for f in found)
+
+
+BRAKING = "dc link after braking from the fastest speed, without losses"
+
+
+def braking(name, link_F, **changes):
+    setup = setups.load(name).changed(inverter__link_F=link_F, inverter__source_ohm=0.3, **changes)
+    return setup, {f.subject: f for f in review(setup, [])}
+
+
+def brakes(setup):
+    """The faults of a stop from the set-up's speed with all of the torque."""
+    sim = SimulatedDrive(setup, 1)
+    sim.start()
+    sim.set("speed_ref_rpm", setup["point.speed_rpm"])
+    sim.run(3.0, record=False)
+    assert sim.speed_rpm == pytest.approx(setup["point.speed_rpm"], rel=0.02)
+    sim.set("speed_ref_rpm", 0)
+    sim.run(1.0, record=False)
+    return sim.faults
+
+
+@pytest.mark.parametrize("name", ("paper-a-feasible", "small-2kw"))
+def test_a_link_that_braking_charges_beyond_the_trip_is_told_the_level_that_holds_it(name):
+    """1/2 J w^2 goes into 1/2 C V^2. The drive trips as it is, and not with the proposed values."""
+    base = setups.load(name)
+    full_rpm = base["rated.speed_rpm"]
+    setup, found = braking(name, 1e-3 if name.startswith("paper") else 1e-4,
+                           point__speed_rpm=full_rpm, point__load_Nm=0.0)  # fmt: skip
+    found = found[BRAKING]
+    joule = setup["machine.inertia_kgm2"] * (full_rpm * math.pi / 30) ** 2
+    vdc_V = base["inverter.vdc_V"]
+    assert found.value == pytest.approx(math.sqrt(vdc_V**2 + joule / setup["inverter.link_F"]))
+    assert found.verdict == "note"
+    assert brakes(setup) == ["dc-link voltage too high"]
+    values = dict(re.findall(r"(vdc_high_V|vdc_band_V) = ([\d.]+)", found.advice))
+    assert brakes(setup.changed({f"controller.{k}": float(v) for k, v in values.items()})) == []
+    larger_F = 1.01 * float(re.search(r"capacitor of ([\d.e-]+) F", found.advice)[1])
+    assert braking(name, larger_F, point__speed_rpm=full_rpm)[1][BRAKING].verdict == "ok"
+
+
+def test_a_capacitor_that_holds_no_band_is_told_so():
+    _, found = braking("paper-a-feasible", 1e-5)
+    assert found[BRAKING].advice.startswith("this capacitor is too small for a level of the drive")
+
+
+def test_a_choppers_resistor_must_take_the_braking_power():
+    """U^2/R at the voltage at which it comes on. With twice as much the drive trips."""
+    full_rpm = 1350.0
+    chopper = {
+        "inverter__chopper_on_V": 300.0, "inverter__chopper_off_V": 290.0,
+        "point__speed_rpm": full_rpm, "point__load_Nm": 0.0,
+    }  # fmt: skip
+    subject = "chopper's resistor, which takes this power"
+    setup, found = braking("paper-a-feasible", 3e-4, inverter__chopper_ohm=10.0, **chopper)
+    power_W = found["braking power at the fastest speed, at most"].value
+    assert power_W == pytest.approx(setup.parameter("torque_limit_Nm") * full_rpm * math.pi / 30)
+    assert found[subject].limit == pytest.approx(300.0**2 / power_W)
+    assert found[subject].verdict == "ok" and BRAKING not in found
+    for share, verdict, faults in ((0.99, "ok", []), (2, "note", ["dc-link voltage too high"])):
+        setup, judged = braking(
+            "paper-a-feasible", 3e-4, inverter__chopper_ohm=share * found[subject].limit, **chopper
+        )
+        assert judged[subject].verdict == verdict
+        assert brakes(setup) == faults
+
+
+def test_a_real_boards_chopper_is_told_its_resistor():
+    setup = setups.load("paper-a-feasible").changed(
+        controller__chopper_on_V=300.0, controller__chopper_off_V=290.0
+    )
+    found = {f.subject: f for f in review(setup, [])}["resistor that takes this power, at most"]
+    speed_rad_s = setup["point.speed_rpm"] * math.pi / 30
+    assert found.value == pytest.approx(300**2 / (setup.parameter("torque_limit_Nm") * speed_rad_s))
+
+
+def test_a_reserve_beyond_the_pull_out_leaves_no_flux_to_save():
+    subject = "flux_reserve_Nm, which leaves a flux to save"
+    setup = setups.load("small-2kw").changed(controller__flux_least_loss="on")
+    most_Nm = 0.8 * Design(setup, setup.parameter).pull_out_Nm
+    assert verdicts(setup)[subject] == "ok"
+    for share, verdict in ((0.99, "ok"), (1.01, "note")):
+        assert verdicts(setup, controller__flux_reserve_Nm=share * most_Nm)[subject] == verdict
 
 
 def test_above_the_speed_trip_each_machine_is_told_what_helps():
