@@ -1,6 +1,7 @@
-"""Draw the picture of the web page: a virtual board runs, and its speed reference steps.
+"""Draw two pictures of the web page: a virtual board runs, and its speed reference steps; the log
+after a trip.
 
-`python tools/draw_monitor.py [FILE]` needs a Chromium.
+`python tools/draw_monitor.py [FOLDER]` needs a Chromium.
 """
 
 import os
@@ -24,6 +25,7 @@ CHANNELS = (
 )  # fmt: skip
 SPEED = "#quick input[aria-label=speed_ref_rpm]"
 BEFORE_RPM, AFTER_RPM = 200, 400
+TRIP_RPM, TOO_FAST_RPM = 500, 600
 SETTLE_S, SHOWN_S = 4.0, 1.6
 
 
@@ -69,7 +71,18 @@ def draw(page: Page, picture: Path) -> None:
     page.picture(picture)
 
 
-def main(path: Path) -> None:
+def draw_log(page: Page, picture: Path) -> None:
+    """After a trip by over-speed."""
+    to_speed(page, TOO_FAST_RPM)
+    page.until("document.body.dataset.state === 'fault'")
+    page.click("[role=tab][data-panel=fault]")
+    page.click("#log summary")
+    page.until("document.querySelectorAll('#log tr').length > 1")
+    page.js("document.querySelector('#log').scrollIntoView()")
+    page.picture(picture)
+
+
+def main(kept: Path) -> None:
     if program() is None:
         raise SystemExit("a Chromium is needed: apt-get install chromium")
     with tempfile.TemporaryDirectory() as folder:
@@ -77,15 +90,18 @@ def main(path: Path) -> None:
         run.mkdir(mode=0o700)
         os.environ["XDG_RUNTIME_DIR"] = str(run)
         link = Path(folder) / "board"
-        board = hexatorque("board", "serve", "--setup", "paper-a-feasible", "--link", link)
+        board = hexatorque("board", "serve", "--setup", "paper-a-feasible", "--link", link,
+                           "--set", f"controller.speed_trip_rpm={TRIP_RPM}")  # fmt: skip
         line_of(board, "virtual")
         monitor = hexatorque("board", "monitor", "--no-browser", "--device", link, "-o", folder)
         try:
             url = line_of(monitor, "http://")
             with Chromium(Path(folder) / "profile") as browser:
-                picture = Path(folder) / path.name
-                draw(browser.open(url), picture)
-                doc_page.keep(picture, path.parent)
+                page = browser.open(url)
+                for name, drawn in (("monitor", draw), ("log", draw_log)):
+                    picture = Path(folder) / f"{name}.png"
+                    drawn(page, picture)
+                    doc_page.keep(picture, kept)
         finally:
             for process in (monitor, board):
                 process.send_signal(signal.SIGINT)
@@ -93,4 +109,4 @@ def main(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs/images/monitor.png")
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs/images")
