@@ -94,11 +94,11 @@ def listed(text: str) -> list[str]:
     return [part.strip() for part in parts if part.strip()]
 
 
-def suggest(word: str, known: Iterable[str]) -> str:
+def suggest(word: object, known: Iterable[str]) -> str:
     """The end of a line about an unknown word: the one that was meant, or all there are."""
     known = list(known)
     by_small = {name.lower(): name for name in reversed(known)}
-    small = word.lower()
+    small = str(word).lower()
     close = difflib.get_close_matches(small, by_small, 1)
     close += [name for name in by_small if small and name.startswith(small)]
     return f"; did you mean {by_small[close[0]]!r}?" if close else f"; known: {', '.join(known)}"

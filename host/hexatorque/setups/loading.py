@@ -55,7 +55,7 @@ def builtin_text(name: str) -> str:
 def text_of(path: Path) -> str:
     """The content of a set-up's file."""
     if not path.suffix and not path.exists():
-        raise SetupError(f"no set-up {str(path)!r}{suggest(str(path), builtin_names())}")
+        raise SetupError(f"no set-up {str(path)!r}{suggest(path, builtin_names())}")
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:

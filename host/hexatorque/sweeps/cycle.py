@@ -92,7 +92,7 @@ def read(name: str | Path) -> Cycle:
     if str(name) in ready():
         text = (resources.files(__package__) / "cycles" / f"{name}.csv").read_text(encoding="utf-8")
     elif not path.suffix and not path.exists():
-        raise StudyError(f"cycle {name}: there is none{suggest(str(name), ready())}")
+        raise StudyError(f"cycle {name}: there is none{suggest(name, ready())}")
     else:
         try:
             text = path.read_text(encoding="utf-8")

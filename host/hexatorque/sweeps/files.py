@@ -52,7 +52,7 @@ def _text(path: Path) -> str:
     if str(path) in ready():
         return (resources.files(__package__) / "ready" / f"{path}.toml").read_text(encoding="utf-8")
     if not path.suffix and not path.exists():
-        raise StudyError(f"no study{suggest(str(path), ready())}")
+        raise StudyError(f"no study{suggest(path, ready())}")
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
