@@ -339,7 +339,7 @@ def test_a_window_without_an_end_has_all_that_follows():
 def test_a_recording_has_names_with_arrays():
     with pytest.raises(InputError, match="names with arrays"):
         hexatorque.Recording(10.0, [1.0, 2.0])
-    with pytest.raises(InputError, match="unknown suffix, use .csv"):
+    with pytest.raises(InputError, match="unknown suffix"):
         hexatorque.Recording.load("")
 
 
