@@ -10,10 +10,13 @@ import pytest
 
 import hexatorque
 from hexatorque import firmware, given, setups
+from hexatorque.cli import parameter_sets
 from hexatorque.cli.main import main
 from hexatorque.cli.options import schemes_given
 from hexatorque.errors import InputError
 from hexatorque.setups import paths
+from hexatorque.sweeps import cycle as cycles
+from hexatorque.sweeps import files as studies
 
 PAPER_B = hexatorque.load("paper-b")
 NUMBERS = json.loads(Path(__file__).with_name("numbers.json").read_text(encoding="utf-8"))
@@ -347,3 +350,36 @@ def test_a_parameter_s_text_is_read_by_the_same_rule():
     table = firmware.parameters()
     assert table["rs_ohm"].parse("1,5") == table["rs_ohm"].parse(np.float64(1.5)) == 1.5
     assert table["scheme"].parse("DDR") == table["scheme"].parse("ddr")
+
+
+DRIVEN = '# Ω, µs\nsetup = "paper-b"\n[machine]\nrs_ohm = 2.5\n'
+STUDIED = (
+    '# Ω\nsetup = "paper-b"\nmetrics = ["torque_Nm"]\n[vary.point]\nspeed_rpm = [100, 200]\n'
+)
+CYCLED = "# µ\ntime_s,speed_rpm,torque_Nm\n0,0,0\n1,100,0.5\n"
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("code", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
+def test_every_editor_s_file_is_read(tmp_path, code, end):
+    def written(name, text):
+        (tmp_path / name).write_bytes(text.replace("\n", end).encode(code))
+        return tmp_path / name
+
+    assert setups.load(written("own.toml", DRIVEN))["machine.rs_ohm"] == 2.5
+    assert "point.speed_rpm" in str(studies.read(written("study.toml", STUDIED)).as_json())
+    assert cycles.read(written("cycle.csv", CYCLED)).speed == (0, 100)
+
+
+@pytest.mark.parametrize("content", [b"\x7fELF\x02\x01\x01\0\0\0", bytes(range(256)), b"\0"])
+def test_a_program_is_no_text(tmp_path, content):
+    for name, read in (
+        ("own.toml", setups.load),
+        ("study.toml", studies.read),
+        ("cycle.csv", cycles.read),
+        ("board.toml", lambda path: parameter_sets.parameter_set(str(path), None)),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match="not a text file") as told:
+            read(tmp_path / name)
+        assert name in str(told.value)
