@@ -122,7 +122,7 @@ class MonitoredDrive:
             self._say(text)
 
     def _tell_of_stop(self, text: str) -> None:
-        self.traces.stopped(text)
+        self.traces.note_stop(text)
         self._tell(text)
 
     def _move(self) -> None:

@@ -337,7 +337,7 @@ class Traces:
             recorder, self.recorder = self.recorder, None
             return recorder.close("user")
 
-    def stopped(self, text: str) -> None:
+    def note_stop(self, text: str) -> None:
         """The drive was stopped, and no page asked for it: a recording tells when and why."""
         with self.lock:
             if self.recorder:

@@ -414,7 +414,8 @@ def test_no_words_lie_on_others(page, wide):
 
 
 #: Choices that are longer than the room for them beside the arrow.
-CUT_OFF = """[...document.querySelectorAll('select')].filter((e) => e.checkVisibility()).flatMap((e) => {
+CUT_OFF = """[...document.querySelectorAll('select')].flatMap((e) => {
+  if (!e.checkVisibility()) return [];
   const style = getComputedStyle(e);
   const pen = document.createElement('canvas').getContext('2d');
   pen.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
@@ -436,8 +437,8 @@ def test_the_page_says_whether_a_recording_began_or_ended(page):
     """Also if the answer to the click comes after the new status."""
     page.js("(() => { const ask = window.fetch; window.fetch = async (...what) => {"
             "const answer = await ask(...what);"
-            "if (String(what[0]).includes('record/')) await new Promise((go) => setTimeout(go, 600));"
-            "return answer; }; })()")  # fmt: skip
+            "if (String(what[0]).includes('record/')) await new Promise((go) => setTimeout(go, 600)"
+            "); return answer; }; })()")  # fmt: skip
     said = "document.querySelector('#toasts').lastChild?.textContent"
     page.click("#record")
     page.until(f"({said})?.startsWith('recording to')")
