@@ -198,7 +198,7 @@ def test_titles_of_a_map_are_whole_and_apart(monkeypatch, tmp_path):
     """Kind and figure on one line were cut at the picture's edge."""
     keys = {"controller.flux_least_loss": ["off", "on"], "point.speed_rpm": [500, 1000]}
     keys |= {"point.load_Nm": [1.0, 2.0]}
-    study = Study("small-2kw", keys, ["efficiency_pct"], schemes=["db-dtfc"])
+    study = Study("small-2kw", keys, ["conduction_loss_W"], schemes=["db-dtfc"])
     drawn = []
     monkeypatch.setattr(maps, "_save", lambda figure, path: drawn.append(figure) or path)
     for number in range(len(study)):
