@@ -9,6 +9,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from scipy.optimize import brentq
 
 from ...experiments.operating_points import Progress
@@ -48,7 +49,7 @@ def _measured(place: Place, share: float, progress: Progress | None) -> dict | N
     (method,) = (one for one in methods() if one.name == NAME)
     sampling = method.axes[0]
     at = math.log(4 * F_SW_HZ / sampling.low) / math.log(sampling.high / sampling.low)
-    values = controller(method.values(place.base, [at, share]))
+    values = controller(method.values(place.base, np.array([at, share])))
     build_s = place.base.parameter("build_s")
     return bench.measure(method.scheme, values, place, progress, build_s=build_s)
 
