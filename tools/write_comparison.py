@@ -16,6 +16,7 @@ from pathlib import Path
 
 import doc_page
 
+from hexatorque.evidence.cost.budget import PLACING
 from hexatorque.evidence.methods import judging
 from hexatorque.evidence.methods.methods import TABLE, methods
 from hexatorque.evidence.methods.references import memory_bytes
@@ -190,8 +191,12 @@ def costs(budget: dict) -> str:
     memory = memory_bytes()
     rows = []
     for method in methods():
+        name, kind = (*method.name.split(), "")[:2]  # variants differ in parameters alone
+        row = counted.get(name)
+        if name == PLACING:  # where it takes most, at the ends of the knob that the method has
+            ends = counted["placed"][: 1 if kind else None]
+            row = {key: max(end[key] for end in ends) for key in ("mean", "max")}
         name = method.name
-        row = counted.get(name.split()[0])  # variants of a scheme differ in parameters alone
         own = memory.get(name)
         rows.append(
             [
