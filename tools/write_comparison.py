@@ -28,12 +28,13 @@ LIMIT = "limit"
 PICTURES = (NAME, f"{NAME}-others")
 #: Of the page of db-ipwm.
 INTERLEAVED = "interleaved"
-#: Its ends of the knob, each with its figure, patterns of the limit, and the target over the best
-#: of the other methods.
-ENDS = (
-    ("db-ipwm smooth", "td_Nm", "Td", ("limit, w = 2", "limit, w = 32"), 0.85),
-    ("db-ipwm", "thd_inf_pct", "THD∞", ("limit, w = 0",), 1.0),
-)
+#: Its ends of the knob, each with its figure, patterns of the limit, the target over the best of
+#: the other methods, and columns of the fronts within less than SHOWN.
+ENDS: tuple[tuple[str, str, str, tuple[str, ...], float, tuple[str, ...]], ...] = (
+    ("db-ipwm smooth", "td_Nm", "Td", ("limit, w = 2", "limit, w = 32"), 0.85,
+     ("Td ≤ 1 kHz", "Td ≤ 1.5 kHz", "Td ≤ 2 kHz", "Td ≤ 3 kHz")),
+    ("db-ipwm", "thd_inf_pct", "THD∞", ("limit, w = 0",), 1.0, ()),
+)  # fmt: skip
 ENDS_OF = tuple(name for name, *_ in ENDS)
 MACHINE = "mps2-an386"
 #: Within this limit one number of each figure is shown.
@@ -227,54 +228,56 @@ def _relative(points: list[dict], one: str, other: str, figure: str) -> str:
     return f"{mean:.2f} ({min(ratios):.2f} … {max(ratios):.2f})"
 
 
-def _figures(row: dict[str, str]) -> dict[str, float]:
-    """Td and THD∞ of a row of the page's data, where they are."""
-    cells = {key: row[of] for key, (of, _) in COLUMNS.items()}
-    return {key: float(cell) for key, cell in cells.items() if cell != "–"}
+def _data(name: str) -> list[dict[str, str]]:
+    """The rows of the page's data."""
+    head, *rows = doc_page.read_data(PAGE, name)
+    return [dict(zip(head, row)) for row in rows]
+
+
+def _over(own: dict[str, dict[str, str]], name: str, column: str) -> tuple[float, str]:
+    """A method's figure at a point over the least of the methods that are not ours, and which one
+    that is. own: method -> its row. Infinite without a setting."""
+    cells = {n: row[column] for n, row in own.items() if n == name or n not in ENDS_OF}
+    figures = {n: math.inf if cell == "–" else float(cell) for n, cell in cells.items()}
+    mine = figures.pop(name)
+    best = min(figures, key=lambda n: figures[n])
+    return mine / figures[best], best
 
 
 def interleaved() -> str:
     """Both ends of db-ipwm's knob beside the best of the others and the limit, from the data that
     the pages have."""
-    limits: dict[str, dict[str, dict[str, float]]] = {}
-    head, *rows = doc_page.read_data(PAGE, LIMIT)
-    for row in rows:
-        one = dict(zip(head, row))
-        figures = {key: float(one[of]) for key, (_, of) in COLUMNS.items()}
-        limits.setdefault(one["point"], {})[one["pattern"]] = figures
-    points: dict[str, dict[str, dict[str, float]]] = {}
-    head, *rows = doc_page.read_data(PAGE, "fronts")
-    for row in rows:
-        one = dict(zip(head, row))
-        points.setdefault(one["point"], {})[one["method"]] = _figures(one)
-    lines = []
-    ratios: dict[str, list[float]] = {}
-    for point, own in points.items():
-        cells = [point]
-        for name, key, label, patterns, _ in ENDS:
-            others = {n: of[key] for n, of in own.items() if key in of and n not in ENDS_OF}
-            best = min(others, key=lambda n: others[n])
-            over = {f"{label} over the best other": own[name][key] / others[best]}
-            limit = limits[point.rpartition(", ")[0]]
-            over |= {f"{label} over {p}": own[name][key] / limit[p][key] for p in patterns}
-            for title, ratio in over.items():
-                ratios.setdefault(title, []).append(ratio)
-            cells += [f"{ratio:.2f}" for ratio in over.values()]
-            cells.insert(-len(patterns), best)
-        lines.append(cells)
-    heads = ["point"]
-    told = []
-    for name, _, label, patterns, target in ENDS:
-        first = f"{label} over the best other"
-        heads += [first, "which", *(f"{label} over {p}" for p in patterns)]
-        met = sum(ratio <= target for ratio in ratios[first])
+    points: dict[str, dict[str, dict[str, str]]] = {}
+    for row in _data("fronts"):
+        points.setdefault(row["point"], {})[row["method"]] = row
+    limits = {(row["point"], row["pattern"]): row for row in _data(LIMIT)}
+    heads, told = ["point"], []
+    lines = [[point] for point in points]
+    for name, key, label, patterns, target, lower in ENDS:
+        (column, of_limit), parts = COLUMNS[key], []
+        found = [_over(own, name, column) for own in points.values()]
+        met = sum(ratio <= target for ratio, _ in found)
         aim = f"target {target:.2f}: met at {met} of {len(points)} points"
-        parts = [f"{_span(ratios[first])} times the best of the other methods ({aim})"]
+        below = [[_over(own, name, at)[0] for own in points.values()] for at in lower]
+        if below:
+            met = sum(ratio <= target for ratios in below for ratio in ratios)
+            aim += f", {met} of {len(below) * len(points)} within less"
+        ratios = [ratio for ratio, _ in found]
+        parts.append(f"{_span(ratios)} times the best of the other methods ({aim})")
+        columns = [ratios, *below]
         for pattern in patterns:
-            every = ratios[f"{label} over {pattern}"]
-            mean = judging.geometric_mean(every)
-            parts.append(f"{_span(every)}, in the mean {mean:.2f} times the {pattern}")
+            least = [limits[point.rpartition(", ")[0], pattern] for point in points]
+            columns.append([
+                float(own[name][column]) / float(row[of_limit])
+                for own, row in zip(points.values(), least)
+            ])  # fmt: skip
+            mean = judging.geometric_mean(columns[-1])
+            parts.append(f"{_span(columns[-1])}, in the mean {mean:.2f} times the {pattern}")
         told.append(f"- {label} of `{name}`: {'; '.join(parts)}.")
+        heads += ["the best other", *(f"{of} over it" for of in (column, *lower))]
+        heads += [f"{column} over {pattern}" for pattern in patterns]
+        for line, (_, best), cells in zip(lines, found, zip(*columns)):
+            line += [best, *(f"{ratio:.2f}" if math.isfinite(ratio) else "–" for ratio in cells)]
     link = doc_page.keep_data(PAGE, "targets", heads, lines, "Every point")
     return "\n".join([f"Within {float(SHOWN) / 1e3:g} kHz. {link}.", "", *told]) + "\n"
 
