@@ -174,7 +174,9 @@ def _told(module, result: dict, picture: Path, console: Console) -> list[str]:
     help="mean switching frequency of a switch",
 )
 @click.option(
-    "--methods", is_flag=True, help="also simulate what every method reaches: some minutes a point"
+    "--methods",
+    is_flag=True,
+    help="simulate every method too, and draw what it reaches: some minutes a point",
 )
 @options.quick
 @options.folder("out/limit")
