@@ -87,7 +87,7 @@ class Table:
 
     names: the cells of the line of names; begin: where the rows begin in `text`; line: the number
     of that line; first: the first of its columns, as a header may stand left of it; headings: names
-    and units; start_s, step_s: what the header says of the time.
+    and units; start_s, step_s: the time axis by the header.
     """
 
     text: str
