@@ -4,7 +4,7 @@ from docs/budget.json.
 
 Usage: write_comparison.py [OUT_DIR]
 
-Without a folder only the table of instructions and memory and that of db-ipwm's ends are renewed.
+Without a folder only the table of instructions and memory and what db-ipwm reaches are renewed.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from pathlib import Path
 
 import doc_page
 
+from hexatorque.evidence.cost.budget import PLACING
+from hexatorque.evidence.methods import judging
 from hexatorque.evidence.methods.methods import TABLE, methods
 from hexatorque.evidence.methods.references import memory_bytes
 from hexatorque.evidence.studies import limit as study
@@ -26,14 +28,22 @@ LIMIT = "limit"
 PICTURES = (NAME, f"{NAME}-others")
 #: Of the page of db-ipwm.
 INTERLEAVED = "interleaved"
-#: Its ends of the knob, each with its figure and the rivals.
-ENDS = (
-    ("db-ipwm smooth", "td_Nm", "Td", ("fcs-mpc", "db-dtfc κ=1", "foc")),
-    ("db-ipwm", "thd_inf_pct", "THD∞", ("fcs-mpc", "db-dtfc alternating", "foc")),
-)
+#: Its ends of the knob, each with its figure, patterns of the limit, the target over the best of
+#: the other methods, and columns of the fronts within less than SHOWN.
+ENDS: tuple[tuple[str, str, str, tuple[str, ...], float, tuple[str, ...]], ...] = (
+    ("db-ipwm smooth", "td_Nm", "Td", ("limit, w = 2", "limit, w = 32"), 0.85,
+     ("Td ≤ 1 kHz", "Td ≤ 1.5 kHz", "Td ≤ 2 kHz", "Td ≤ 3 kHz")),
+    ("db-ipwm", "thd_inf_pct", "THD∞", ("limit, w = 0",), 1.0, ()),
+)  # fmt: skip
+ENDS_OF = tuple(name for name, *_ in ENDS)
 MACHINE = "mps2-an386"
 #: Within this limit one number of each figure is shown.
 SHOWN = "4000"
+#: Of the fronts' data, and of the limit's.
+COLUMNS = {
+    "td_Nm": (f"Td ≤ {float(SHOWN) / 1e3:g} kHz", "Td [N m]"),
+    "thd_inf_pct": ("THD∞ [%]", "THD∞ [%]"),
+}
 
 
 def _tables(name: str, of: str, tables: dict[str, tuple[list[str], list[list[str]]]]) -> str:
@@ -182,8 +192,12 @@ def costs(budget: dict) -> str:
     memory = memory_bytes()
     rows = []
     for method in methods():
+        name, kind = (*method.name.split(), "")[:2]  # variants differ in parameters alone
+        row = counted.get(name)
+        if name == PLACING:  # where it takes most, at the ends of the knob that the method has
+            ends = counted["placed"][: 1 if kind else None]
+            row = {key: max(end[key] for end in ends) for key in ("mean", "max")}
         name = method.name
-        row = counted.get(name.split()[0])  # variants of a scheme differ in parameters alone
         own = memory.get(name)
         rows.append(
             [
@@ -214,25 +228,62 @@ def _relative(points: list[dict], one: str, other: str, figure: str) -> str:
     return f"{mean:.2f} ({min(ratios):.2f} … {max(ratios):.2f})"
 
 
+def _data(name: str) -> list[dict[str, str]]:
+    """The rows of the page's data."""
+    head, *rows = doc_page.read_data(PAGE, name)
+    return [dict(zip(head, row)) for row in rows]
+
+
+def _over(own: dict[str, dict[str, str]], name: str, column: str) -> tuple[float, str]:
+    """A method's figure at a point over the least of the methods that are not ours, and which one
+    that is. own: method -> its row. Infinite without a setting."""
+    cells = {n: row[column] for n, row in own.items() if n == name or n not in ENDS_OF}
+    figures = {n: math.inf if cell == "–" else float(cell) for n, cell in cells.items()}
+    mine = figures.pop(name)
+    best = min(figures, key=lambda n: figures[n])
+    return mine / figures[best], best
+
+
 def interleaved() -> str:
-    """Both ends of db-ipwm's knob over the best of others, from the fronts that the page has."""
-    columns = {"td_Nm": f"Td ≤ {float(SHOWN) / 1e3:g} kHz", "thd_inf_pct": "THD∞ [%]"}
-    head, *fronts = doc_page.read_data(PAGE, "fronts")
-    points: dict[str, dict] = {}
-    for row in fronts:
-        one = dict(zip(head, row))
-        points.setdefault(one["point"], {})[one["method"]] = {
-            key: {SHOWN: None if one[of] == "–" else {key: float(one[of])}}
-            for key, of in columns.items()
-        }
-    best = [{"best": methods} for methods in points.values()]
-    rows = [
-        [f"{label} of `{name}`", *(f"`{r}`: {_relative(best, name, r, key)}" for r in rivals)]
-        for name, key, label, rivals in ENDS
-    ]
-    heads = ["at its best within 4 kHz", *["over …"] * 3]
-    lines = doc_page.table(heads, rows)
-    return "\n".join([*lines, "", "Geometric mean over the points (least … largest)."]) + "\n"
+    """Both ends of db-ipwm's knob beside the best of the others and the limit, from the data that
+    the pages have."""
+    points: dict[str, dict[str, dict[str, str]]] = {}
+    for row in _data("fronts"):
+        points.setdefault(row["point"], {})[row["method"]] = row
+    limits = {(row["point"], row["pattern"]): row for row in _data(LIMIT)}
+    heads, told = ["point"], []
+    lines = [[point] for point in points]
+    for name, key, label, patterns, target, lower in ENDS:
+        (column, of_limit), parts = COLUMNS[key], []
+        found = [_over(own, name, column) for own in points.values()]
+        met = sum(ratio <= target for ratio, _ in found)
+        aim = f"target {target:.2f}: met at {met} of {len(points)} points"
+        below = [[_over(own, name, at)[0] for own in points.values()] for at in lower]
+        if below:
+            met = sum(ratio <= target for ratios in below for ratio in ratios)
+            aim += f", {met} of {len(below) * len(points)} within less"
+        ratios = [ratio for ratio, _ in found]
+        parts.append(f"{_span(ratios)} times the best of the other methods ({aim})")
+        columns = [ratios, *below]
+        for pattern in patterns:
+            least = [limits[point.rpartition(", ")[0], pattern] for point in points]
+            columns.append([
+                float(own[name][column]) / float(row[of_limit])
+                for own, row in zip(points.values(), least)
+            ])  # fmt: skip
+            mean = judging.geometric_mean(columns[-1])
+            parts.append(f"{_span(columns[-1])}, in the mean {mean:.2f} times the {pattern}")
+        told.append(f"- {label} of `{name}`: {'; '.join(parts)}.")
+        heads += ["the best other", *(f"{of} over it" for of in (column, *lower))]
+        heads += [f"{column} over {pattern}" for pattern in patterns]
+        for line, (_, best), cells in zip(lines, found, zip(*columns)):
+            line += [best, *(f"{ratio:.2f}" if math.isfinite(ratio) else "–" for ratio in cells)]
+    link = doc_page.keep_data(PAGE, "targets", heads, lines, "Every point")
+    return "\n".join([f"Within {float(SHOWN) / 1e3:g} kHz. {link}.", "", *told]) + "\n"
+
+
+def _span(ratios: list[float]) -> str:
+    return f"{min(ratios):.2f} to {max(ratios):.2f}"
 
 
 def published(metrics: dict) -> str:
@@ -262,7 +313,7 @@ def published(metrics: dict) -> str:
 
 
 def limit(folder: Path) -> str:
-    """The limit, and what the best methods of the page's fronts have over it."""
+    """The limit, with the methods of the page's fronts in its picture."""
     result = doc_page.read_whole(folder / f"{LIMIT}.json")
     ((_, heads, rows),) = study.grid(result)
     link = doc_page.keep_data(PAGE, LIMIT, heads, rows)
@@ -276,17 +327,8 @@ def limit(folder: Path) -> str:
             point = one["point"].rpartition(", ")[0]
             reached.setdefault(point, {})[one["method"]] = float(cells[0]), float(cells[1])
     study.plot(result, folder / f"{LIMIT}.png", reached)
-    over = []
-    for n, figure, end in ((1, "td_Nm", -1), (0, "thd_inf_pct", 0)):
-        ratios = [
-            min(one[n] for one in reached[at["point"]].values()) / at["limit"][end][figure]
-            for at in result["points"]
-        ]
-        over.append(f"{min(ratios):.2f} to {max(ratios):.2f}")
     return (
-        f"Within {float(SHOWN) / 1e3:g} kHz the best method has {over[0]} times the limit's Td at "
-        f"w = 32, and the best one {over[1]} times the least THD∞. The limit, and carrier "
-        f"modulation: {link}.\n"
+        f"The limit, and carrier modulation: {link}.\n"
         f"\n![The limit and what the methods reach](images/{LIMIT}.png)\n"
     )
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import doc_page
 
-from hexatorque.evidence.methods import dynamics, robustness
+from hexatorque.evidence.methods import dynamics, knob, robustness
 from hexatorque.evidence.studies import (
     arcs,
     commissioning,
@@ -29,6 +29,7 @@ from hexatorque.evidence.studies.grids import Grid
 STUDIES = {
     "dynamics": ("robustness.md", dynamics),
     "robustness": ("robustness.md", robustness),
+    "knob": ("interleaved.md", knob),
     "faults": ("protection.md", faults),
     "lost-phase": ("lost-phase.md", lost_phase),
     "arcs": ("lost-phase.md", arcs),

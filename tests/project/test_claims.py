@@ -124,12 +124,6 @@ def equal_f_sw() -> list[str]:
     ]  # fmt: skip
 
 
-def comparison() -> list[str]:
-    rows = data("fronts")
-    points = {row["point"].rsplit(",", 3)[0] for row in rows}
-    return [str(len({row["method"] for row in rows})), str(len(points))]
-
-
 def papers() -> list[str]:
     return [str(len({row["figure"] for row in data("verdicts")})), "2"]
 
@@ -141,7 +135,6 @@ EXPECTED = {
     "pil.md": list,
     "budget.md": budget,
     "results.md#at-equal-switching-frequency": equal_f_sw,
-    "comparison.md": comparison,
     "results.md": papers,
 }
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
+from .. import chips
 from .._firmware import lib
 from .derived import (
     CLEAN_FROM,
@@ -830,13 +831,22 @@ def _power_stage(d: Design) -> Iterator[Finding]:
     )  # fmt: skip
 
 
+#: The share of distortion from which both sets of `db-ipwm` may decide in one interrupt, and what
+#: that one takes, over the mean of interrupts in which one set decides (docs/budget.json).
+TOGETHER_FROM, BOTH_SETS = chips.number_of("core/ht_interleaved.c", "TOGETHER_FROM"), 1.33
+
+
 def _interrupt(d: Design, name: str) -> Iterator[Finding]:
     """Where the chip's time for a scheme is estimated: an estimate refuses nothing."""
-    from .. import chips, firmware
+    from .. import firmware
 
     cycles = chips.budget()["c28x_cycles"].get(name)
     if cycles is None:
         return
+    row = firmware.lib.ht_scheme_describe(firmware.schemes().index(name))
+    interleaved = row.vectors == firmware.lib.HT_VECTORS_INTERLEAVED
+    if interleaved and d.parameter("thd_share") >= TOGETHER_FROM:
+        cycles *= BOTH_SETS
     chip = d.setup["timing.device"]
     clock_Hz = firmware.board_of(chip).map.system_clock_Hz
     most_Hz = WRITTEN_WITHIN * clock_Hz / cycles

@@ -63,6 +63,17 @@ def test_published_page_is_current(measured):
     for scheme in firmware.schemes():
         row = measured["mps2-an386"][scheme]
         assert re.search(rf"^\| {scheme} \| {row['mean']:.0f} \|.* {row['max']} \|", page, re.M)
+    for row in measured["mps2-an386"]["placed"]:
+        assert f"{row['mean']:.0f}" in page and str(row["max"]) in page
+
+
+def test_positions_and_sets_that_decide_together_take_instructions(measured):
+    """Paper A's point is at a tenth of V_dc, where no pulse moves; at one end of the knob both sets
+    decide in every second interrupt, and none in the others."""
+    machine = measured["mps2-an386"]
+    smooth, clean = machine["placed"]
+    assert smooth["mean"] > machine[budget.PLACING]["mean"] + 50
+    assert clean["mean"] < smooth["mean"] and clean["max"] > smooth["max"] + 200
 
 
 def test_counts_repeat(paper_a, tmp_path, need):

@@ -155,6 +155,7 @@ def test_a_command_of_another_group_is_shown_there(line, capsys):
         ("evidence limit --speed 900", ["--speed", "--setup is needed"]),
         ("evidence limit --f-sw 1e-3", ["(--f-sw) = 0.001 Hz", "allowed range is"]),
         ("evidence limit --setup paper-b --speed 9e3", ["V_dc", "allowed range is 0 .. 0.577"]),
+        ("evidence limit --setup symmetrical --methods", ["--methods", "displacement_deg = 30"]),
         ("--json", ["no such option", "--json"]),
     ],
 )

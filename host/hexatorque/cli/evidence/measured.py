@@ -158,7 +158,11 @@ def _told(module, result: dict, picture: Path, console: Console) -> list[str]:
 
 
 @click.command(
-    epilog=examples("evidence limit", "evidence limit --setup paper-b --speed 2500 --load 2")
+    epilog=examples(
+        "evidence limit",
+        "evidence limit --setup paper-b --speed 2500 --load 2",
+        "evidence limit --setup mine.toml --methods",
+    )
 )
 @options.at_point("the points at which all methods are compared")
 @options.value(
@@ -169,15 +173,20 @@ def _told(module, result: dict, picture: Path, console: Console) -> list[str]:
     show_default=True,
     help="mean switching frequency of a switch",
 )
+@click.option(
+    "--methods",
+    is_flag=True,
+    help="simulate every method too, and draw what it reaches: some minutes a point",
+)
 @options.quick
 @options.folder("out/limit")
 @options.as_json
-def limit(setup, speed, load, settings, f_sw, quick, output, as_json) -> int:
+def limit(setup, speed, load, settings, f_sw, methods, quick, output, as_json) -> int:
     """The least ripple that any pulse pattern can have.
 
     Computes least torque ripple and least distortion at a switching frequency, and what lies
-    between them, beside carrier modulation; numbers and a picture in the folder. Nothing is
-    simulated.
+    between them, beside carrier modulation; numbers and a picture in the folder. With --methods
+    every method is searched at the point, and its front drawn.
     """
     from ... import setups
     from ...evidence.studies import limit as study
@@ -189,11 +198,20 @@ def limit(setup, speed, load, settings, f_sw, quick, output, as_json) -> int:
         points = [study.at_point(steady.at_point(loaded, speed, load))]
     elif speed is not None or load is not None or settings:
         raise Mistake("--speed, --load, --set: --setup is needed too")
+    if methods:
+        study.can_have_methods(points)
+        compile_now()
     _make(output)
     console = console_of(as_json)
     with working(console, "the limit", study.pieces(points, quick), "searches") as work:
         result = study.study(points, f_sw, quick, work.advance)
+        if methods:
+            work.begin("every method")
+            there = study.reached(points, result, output / RUNS, work.advance)
+            result["methods"] = study.best(there, f_sw)
         picture = _written(study, "limit", result, output)
+        if methods:
+            study.draw_fronts(there, output / f"{study.FRONTS}.png")
     failures = _told(study, result, picture, console)
     if as_json:
         print_json(result)

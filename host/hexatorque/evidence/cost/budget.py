@@ -43,6 +43,8 @@ XCP = "link/xcp"
 C28X_CYCLES = ((1.0, 4.0), (1.5, 7.0))
 #: The scheme whose positions count from a fifth of the voltage on, and a set-up in which they do.
 PLACING, PLACED = "db-ipwm", "paper-b"
+#: Both ends of its knob, and the aims for its instructions: mean, largest.
+PLACED_SHARES, PLACED_AIMS = (0.0, 1.0), (2000, 2300)
 ESTIMATED = ("ddr", "db-dtfc", "foc", PLACING)
 #: Sampling frequencies at which the page holds the estimate against the period.
 SAMPLED_HZ = (8e3, 12e3, 16e3)
@@ -129,6 +131,7 @@ def measure(setup: Setup, progress: Progress | None = None) -> dict:
     return {
         MACHINE: {
             **instructions,
+            "placed": placed(),
             "stack_bytes": max(row["bytes"] for row in stacks.values()),
             "stack": stacks,
             "stack_used_bytes": used,
@@ -142,6 +145,12 @@ def measure(setup: Setup, progress: Progress | None = None) -> dict:
         "compiler": _version("arm-none-eabi-gcc"),
         "options": tools.optimisation(tools.build("mps2", "count"), "ht_core"),
     }
+
+
+def placed() -> list[dict]:
+    """What PLACING takes where its positions count."""
+    setup = setups.load(PLACED).with_scheme(PLACING)
+    return count.over_shares(setup, PLACED_SHARES, MACHINE)
 
 
 def limits() -> dict:
@@ -203,6 +212,10 @@ Means are taken while the drive runs, maxima from the start on.
 `ddr` is {ratio:.2f} times `fdr` (limit {ratio_limit:g}; paper A's run times: 1.95). The goal for
 the mean of `ddr` is {goal} instructions: {verdict}. `hexatorque evidence budget --profile ddr`
 shows where the instructions go.
+
+Where its positions count (`{placed}`), `{placing}` takes {smooth} in the mean and {smooth_max} at
+most; with `thd_share = 1`, whose sets decide in one interrupt, {clean} and {clean_max}. The aims
+were {aim} and {aim_max}.
 
 The fast interrupt calls no library function{calls}; square roots are the processor's own.
 
@@ -270,6 +283,7 @@ def page(result: dict, limit: dict) -> str:
     headings = ("scheme", "interrupt, mean", "limit", "max", "limit", "step, mean", "max")
     goal = limit["goals"]["ddr_mean"]
     deepest = {kind: row["bytes"] for kind, row in found["stack"].items()}
+    smooth, clean = found["placed"]
     together = sum(deepest.values()) + 2 * stack.EXCEPTION_BYTES
     return PAGE.format(
         compiler=result["compiler"], options=result["options"], setup=result["setup"],
@@ -277,7 +291,9 @@ def page(result: dict, limit: dict) -> str:
         ratio=found["ddr"]["mean"] / found["fdr"]["mean"], ratio_limit=bound["ddr_over_fdr"],
         goal=goal, verdict="met" if found["ddr"]["mean"] <= goal else "not met",
         calls=f" but {', '.join(found['library_calls'])}" if found["library_calls"] else "",
-        placing=PLACING, placed=PLACED, left=100 - 100 * WRITTEN_WITHIN,
+        placing=PLACING, placed=PLACED, aim=PLACED_AIMS[0], aim_max=PLACED_AIMS[1],
+        smooth=f"{smooth['mean']:.0f}", smooth_max=smooth["max"],
+        clean=f"{clean['mean']:.0f}", clean_max=clean["max"], left=100 - 100 * WRITTEN_WITHIN,
         estimates=_estimates(result["c28x_estimate"]),
         image=found["image_bytes"], image_by_file=found["image_by_file_bytes"],
         exception=stack.EXCEPTION_BYTES,

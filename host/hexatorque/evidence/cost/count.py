@@ -117,6 +117,29 @@ def _replay(
     }
 
 
+def _of_a_run(setup: Setup, machine: str) -> tuple[dict, int]:
+    """The row of `instructions`, and the bytes of stack."""
+    with tempfile.TemporaryDirectory() as folder:
+        counts = _replay(setup, machine, Path(folder))
+    running = (counts["state"] == firmware.lib.HT_STATE_RUN) & (counts["step"] > 0)
+    row = {
+        "mean": round(float(counts["isr"][running].mean()), 1),
+        "max": int(counts["isr"].max()),
+        "step_mean": round(float(counts["step"][running].mean()), 1),
+        "step_max": int(counts["step"].max()),
+        "slow_max": int(counts["slow"].max()),
+    }
+    return row, int(counts["stack"].max())
+
+
+def over_shares(setup: Setup, shares: tuple[float, ...], machine: str) -> list[dict]:
+    """The row of `instructions` for each share of distortion, of the set-up's scheme."""
+    return [
+        {"thd_share": share, **_of_a_run(setup.changed(controller__thd_share=share), machine)[0]}
+        for share in shares
+    ]
+
+
 def instructions(
     setup: Setup, machine: str, progress: Progress | None = None
 ) -> tuple[dict[str, dict], int]:
@@ -126,19 +149,9 @@ def instructions(
     used, a drive without a leg included."""
     result = {}
     used = 0
-    run = firmware.lib.HT_STATE_RUN
     for scheme in firmware.schemes():
-        with tempfile.TemporaryDirectory() as folder:
-            counts = _replay(setup.with_scheme(scheme), machine, Path(folder))
-        running = (counts["state"] == run) & (counts["step"] > 0)
-        result[scheme] = {
-            "mean": round(float(counts["isr"][running].mean()), 1),
-            "max": int(counts["isr"].max()),
-            "step_mean": round(float(counts["step"][running].mean()), 1),
-            "step_max": int(counts["step"].max()),
-            "slow_max": int(counts["slow"].max()),
-        }
-        used = max(used, int(counts["stack"].max()))
+        result[scheme], stack_bytes = _of_a_run(setup.with_scheme(scheme), machine)
+        used = max(used, stack_bytes)
         if progress:
             progress(TRACE_S)
     with tempfile.TemporaryDirectory() as folder:  # the deepest path leads there

@@ -25,8 +25,8 @@ LABELS = {
 }
 #: The variants of our schemes, and the laws of the host.
 INK = {
-    "κ=0": "#cc79a7", "κ=1": "#882255", "alternating": "#999933", "free": "#332288",
-    "smooth": "#d55e00",
+    "κ=0": "#cc79a7", "κ=1": "#117733", "alternating": "#999933", "free": "#332288",
+    "smooth": "#e60000",
 }  # fmt: skip
 LAW_COLOURS = {
     "dtc-svm": "#17becf",
@@ -66,7 +66,7 @@ def style(name: str) -> dict[str, Any]:
         line = ":" if kind == "free" else "-"
         return {"color": INK[kind], "linewidth": 2.0, "linestyle": line}
     # Wider lines lie below those that often cover them.
-    width = {"fdr": 2.6, "db-dtfc": 3.2, "foc": 2.2}.get(scheme, 1.2)
+    width = {"fdr": 2.6, "db-dtfc": 3.2, "foc": 2.2, "db-ipwm": 2.0}.get(scheme, 1.2)
     return {"color": STYLE[scheme]["color"], "linewidth": width}
 
 

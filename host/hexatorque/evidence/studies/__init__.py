@@ -18,6 +18,7 @@ STUDIES = {
     "light-load": "light_load",
     "dynamics": ".methods.dynamics",
     "robustness": ".methods.robustness",
+    "knob": ".methods.knob",
     "faults": "faults",
     "lost-phase": "lost_phase",
     "arcs": "arcs",

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from hexatorque import setups
 from hexatorque.errors import InputError
 from hexatorque.evidence.methods import bench, carrier, limit
-from hexatorque.evidence.methods.methods import variants
+from hexatorque.evidence.methods.methods import methods, variants
 from hexatorque.evidence.methods.places import TWENTY, Place
 from hexatorque.evidence.studies import limit as study
 from hexatorque.plant.vsd import ANGLES_RAD, INVERSE, SETS, TRANSFORM
@@ -303,3 +303,39 @@ def test_the_study_has_every_winding_and_names_what_is_below_it(
         for one in result["points"][0]["limit"]:
             one["thd_inf_pct"] *= 1.5
         assert any("carrier, turned is below" in line for line in study.failures(result))
+
+
+def test_what_the_methods_reach_at_a_point_of_a_set_up_that_is_not_built_in(tmp_path, monkeypatch):
+    """No method has less than the limit of the machine that is given; with twice the leakage its
+    currents have less distortion than with the built-in one."""
+    monkeypatch.setattr(limit, "WEIGHTS", (0.0, 32.0))
+    monkeypatch.setattr(limit, "STARTS", 2)
+    monkeypatch.setattr(limit, "QUICK_ANGLES", 4)
+    some = [method for method in methods() if method.name in ("foc", "db-ipwm smooth")]
+    monkeypatch.setattr(study, "methods", lambda: some)
+    base = setups.load("paper-b")
+    found = {}
+    for factor in (1.0, 2.0):
+        more_H = factor * base["machine.lxy_H"]
+        where = study.at_point(base.changed(machine__lxy_H=more_H))
+        assert where[2].base["machine.lxy_H"] == more_H
+        result = study.study([where], 4e3, quick=True)
+        there = study.reached([where], result, tmp_path)
+        result["methods"] = study.best(there, 8e3)
+        found[factor] = result
+        at = there[where[0]]
+        for row in [row for rows in at.rows.values() for row in rows]:
+            for key in ("td_Nm", "thd_inf_pct"):
+                assert row[key] > 0.97 * at.least_at_1kHz[key] * 1e3 / row["f_sw_Hz"]
+        assert study.draw_fronts(there, tmp_path / "fronts.png").stat().st_size > 15_000
+        assert study.plot(result, tmp_path / "limit.png").stat().st_size > 15_000
+        ((_, heads, rows),) = study.grid(result)
+        assert [row[2] for row in rows[-2:]] == ["foc, at its best", "db-ipwm smooth, at its best"]
+        assert all(len(row) == len(heads) for row in rows)
+    one, two = (result["methods"][where[0]]["db-ipwm smooth"] for result in found.values())
+    assert two["thd_inf_pct"]["thd_inf_pct"] < 0.8 * one["thd_inf_pct"]["thd_inf_pct"]
+    kept = len(list(tmp_path.glob("*.json")))
+    assert kept == 4  # of each method on each machine: another machine has settings of its own
+    monkeypatch.setattr(study, "each_at_each", lambda *_: {where[2]: {"foc": []}})
+    with pytest.raises(InputError, match="no method holds the point"):
+        study.reached([where], result, tmp_path)

@@ -12,6 +12,7 @@ import pytest
 
 from hexatorque.evidence.methods import judging, references, steps
 from hexatorque.evidence.methods.methods import methods
+from hexatorque.evidence.methods.pictures import style
 from hexatorque.evidence.methods.places import PLACES
 from hexatorque.evidence.papers.engine.job import Job
 
@@ -125,6 +126,11 @@ def tool():
     return module
 
 
+def test_no_two_methods_are_drawn_alike():
+    colours = [style(method.name)["color"] for method in methods()]
+    assert len(set(colours)) == len(colours)
+
+
 def test_torque_ripple_by_sampling_frequency():
     """The modulated methods count at any sampling frequency, the method itself within the limit."""
     rows = {name: [] for name in BY_NAME}
@@ -183,8 +189,8 @@ def test_the_page_shows_every_method_and_every_sentence(figure, tool, tmp_path, 
     assert rows["foc-24"] == ["0.5 · 4", "refused"]
 
 
-def test_the_limit_is_compared_with_the_fronts_of_the_page(tool, tmp_path, monkeypatch):
-    """Methods but table schemes that have both figures: the least of each, over the limit."""
+def test_the_limit_is_drawn_with_the_fronts_of_the_page(tool, tmp_path, monkeypatch):
+    """Methods but table schemes that have both figures."""
     monkeypatch.setattr(tool, "PAGE", tmp_path / "page.md")
     heads = ["point", "method", "Td ≤ 4 kHz", "THD∞ [%]"]
     rows = [["P, 0.5 V_dc", "foc", "0.4", "9"], ["P, 0.5 V_dc", "fcs-mpc", "0.3", "12"],
@@ -195,9 +201,11 @@ def test_the_limit_is_compared_with_the_fronts_of_the_page(tool, tmp_path, monke
     point = {"point": "P", "f_sw_Hz": 4e3, "limit": ends, "carrier": {}}
     whole = {"quick": False, "points": [point]}
     (tmp_path / "limit.json").write_text(json.dumps(whole))
+    plot, drawn = tool.study.plot, []
+    monkeypatch.setattr(tool.study, "plot", lambda *a: drawn.append(a[2]) or plot(*a))
     (text,) = tool.measured(tmp_path).values()
-    assert "1.50 to 1.50 times the limit's Td at w = 32" in text
-    assert "1.50 to 1.50 times the least THD∞" in text
+    assert "[limit.csv](data/limit.csv)" in text
+    assert list(drawn[0]["P"]) == ["foc", "fcs-mpc"]
     assert (tmp_path / "limit.png").stat().st_size > 10_000
     with pytest.raises(SystemExit):
         tool.measured(tmp_path / "nothing")
@@ -218,17 +226,50 @@ def test_the_documentation_shows_the_sentences_and_every_method(tool):
             assert methods_told == set(BY_NAME), part
 
 
-def test_the_page_of_db_ipwm_has_the_ends_that_follow_from_the_fronts(tool, monkeypatch):
-    """Each ratio again, from the table that both pages lead to."""
+def test_the_page_of_db_ipwm_tells_what_it_reaches_of_its_targets(tool, monkeypatch):
+    """Each ratio again, from the tables that the pages lead to."""
     monkeypatch.chdir(ROOT)
     own = (ROOT / "docs/interleaved.md").read_text().split("<!-- generated: interleaved -->\n")[1]
     assert own.split("<!-- end of interleaved -->")[0] == tool.interleaved()
     with (ROOT / "docs/data/fronts.csv").open() as file:
         rows = {(row["point"], row["method"]): row for row in csv.DictReader(file)}
-    points = {point for point, _ in rows}
-    td = [
-        float(rows[point, "db-ipwm smooth"]["Td ≤ 4 kHz"]) / float(rows[point, "foc"]["Td ≤ 4 kHz"])
-        for point in points
+    with (ROOT / "docs/data/limit.csv").open() as file:
+        limit = {(row["point"], row["pattern"]): row for row in csv.DictReader(file)}
+    ends = (("db-ipwm smooth", "Td ≤ 4 kHz", 0.85), ("db-ipwm", "THD∞ [%]", 1.0))
+    for name, column, target in ends:
+        over = []
+        for point in {point for point, _ in rows}:
+            others = [
+                float(row[column])
+                for (where, method), row in rows.items()
+                if where == point and not method.startswith("db-ipwm") and row[column] != "–"
+            ]
+            over.append(float(rows[point, name][column]) / min(others))
+        met = sum(ratio <= target for ratio in over)
+        below = ""
+        if name == "db-ipwm smooth":
+            few = [f"Td ≤ {kHz} kHz" for kHz in ("1", "1.5", "2", "3")]
+            cells = {
+                (where, method, column): float(row[column])
+                for (where, method), row in rows.items()
+                for column in few
+                if row[column] != "–"
+            }
+            below = sum(
+                cells.get((where, name, column), math.inf)
+                <= target * min(v for (w, m, c), v in cells.items()
+                                if (w, c) == (where, column) and not m.startswith("db-ipwm"))
+                for where in {point for point, _ in rows}
+                for column in few
+            )  # fmt: skip
+            below = f", {below} of 32 within less"
+        assert f"{min(over):.2f} to {max(over):.2f} times the best of the other methods" in own
+        assert f"(target {target:.2f}: met at {met} of {len(over)} points{below})" in own
+    over = [
+        float(row["Td ≤ 4 kHz"])
+        / float(limit[point.rpartition(", ")[0], "limit, w = 2"]["Td [N m]"])
+        for (point, method), row in rows.items()
+        if method == "db-ipwm smooth"
     ]
-    mean = math.prod(td) ** (1 / len(td))
-    assert f"| `foc`: {mean:.2f} ({min(td):.2f} … {max(td):.2f}) |" in own
+    mean = math.prod(over) ** (1 / len(over))
+    assert f"in the mean {mean:.2f} times the limit, w = 2" in own
