@@ -84,7 +84,13 @@ def _on_the_way(speed_rpm: np.ndarray, field_rpm: float) -> bool:
     return rises and NOTHING < means.mean() / abs(field_rpm) < RIGHT[0]
 
 
-def decide(ratio: float, moved: bool, pole_pairs: float, counts: float) -> list[str]:
+def decide(
+    ratio: float,
+    moved: bool,
+    pole_pairs: float,
+    counts: float,
+    right: tuple[float, float] = RIGHT,
+) -> list[str]:
     size = abs(ratio)
     if size < NOTHING:
         return [
@@ -99,7 +105,7 @@ def decide(ratio: float, moved: bool, pole_pairs: float, counts: float) -> list[
             "encoder: counts backwards: exchange its channels A and B (or, to turn the machine the "
             "other way, leads u1 with u2, w1 with v2, v1 with w2)"
         )
-    if not RIGHT[0] < size < RIGHT[1]:
+    if not right[0] < size < right[1]:
         mistakes.append(
             f"encoder: counts {size:.2f} times what encoder_counts_rev = {counts:g} and pole_pairs "
             f"= {pole_pairs:g} give: {_nearest(counts * size):g} counts, or "

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from ..drive.interface import DriveFault, DriveVerbs
 from ..errors import HexatorqueError
-from ..firmware import TEST
-from ..plant.vsd import PHASES, TRANSFORM
+from ..firmware import FAULT, TEST
+from ..plant.vsd import INVERSE, PHASES, TRANSFORM, transform
 from ..recording.recording import FIRST_TICK, Recording
 
 CURRENTS = tuple(f"i_{phase}_A" for phase in PHASES)
@@ -48,6 +48,23 @@ class Limits:
     speed_rpm: float = 0.0  #: highest speed of the running drive
 
 
+class Frame(NamedTuple):
+    """The planes of a winding, as the drive's parameters have it."""
+
+    transform: np.ndarray  #: (4, 6): rows alpha, beta, x, y
+    inverse: np.ndarray  #: (6, 4)
+    displacement_deg: float = 30.0
+
+
+def frame(displacement_deg: float) -> Frame:
+    rows = transform(displacement_deg)
+    return Frame(rows, 3 * rows.T, displacement_deg)
+
+
+#: Of the asymmetrical winding.
+FRAME = Frame(TRANSFORM, INVERSE)
+
+
 @dataclass(frozen=True)
 class Samples:
     """Currents at n samples, and the voltages between them."""
@@ -56,16 +73,11 @@ class Samples:
     i_A: np.ndarray  #: (n, 6), in the order of the channels
     vdc_V: np.ndarray  #: (n,)
     v_V: np.ndarray  #: (n - 1, 4): alpha, beta, x, y as commanded, mean from sample to sample
+    frame: Frame = FRAME
 
     @property
     def i_vsd_A(self) -> np.ndarray:
-        return self.i_A @ TRANSFORM.T
-
-
-def on_leg(leg: int, volts: float) -> np.ndarray:
-    """Alpha, beta, x, y of a voltage on one leg. What is missing is zero sequence, which two
-    isolated star points do not see."""
-    return TRANSFORM[:, leg] * volts
+        return self.i_A @ self.frame.transform.T
 
 
 class Excitation:
@@ -74,12 +86,15 @@ class Excitation:
     def __init__(self, drive: DriveVerbs, limits: Limits, travel_rev: float | None = None) -> None:
         self.drive, self.limits = drive, limits
         self.travel_rev = limits.travel_rev if travel_rev is None else travel_rev
+        self.frame = FRAME
         self._before: Mapping[str, object] = {}
 
     def __enter__(self) -> Self:
         drive = self.drive
         self._before = {name: drive.get(name) for name in BORROWED}
         self.f_isr_Hz = float(drive.get("f_isr_Hz"))
+        if "displacement_deg" in drive.params:
+            self.frame = frame(float(drive.get("displacement_deg")))
         shadow = drive.get("load_mode") == "shadow"
         self._delay = 1 if shadow else 0
         late_pu = 0.0 if shadow else 1e-6 * float(drive.get("write_delay_us")) * self.f_isr_Hz
@@ -195,6 +210,32 @@ class Excitation:
         self.set(np.zeros(4))
         self.wait(seconds)
 
+    def on_leg(self, leg: int, volts: float) -> np.ndarray:
+        """Alpha, beta, x, y of a voltage on one leg. Its zero sequence is missing, which two
+        isolated star points do not see."""
+        return self.frame.transform[:, leg] * volts
+
+    def position(self) -> tuple[int, np.ndarray]:
+        """The encoder's count, and the currents (6,) at that moment; at least 0.1 A must flow. No
+        channel has the count, but the firmware saves it when it trips. So the limit of this test's
+        current goes below the flowing one; then the test begins anew."""
+        drive = self.drive
+        drive.set("test_current_A", drive.params["test_current_A"].min)
+        for _ in range(100):
+            drive.run(0.005, record=False)
+            if drive.state == FAULT:
+                break
+        causes, saved = drive.faults, drive.snapshot
+        if causes != ["over-current"] or saved is None:
+            self._check()
+            raise CommissioningError(
+                "no current flows where a direct current should hold the shaft"
+            )
+        drive.clear()
+        drive.set("test_current_A", TRIP_SHARE * self.limits.current_A)
+        self._begin()
+        return int(saved["position_counts"]), np.asarray(saved["i_A"], float)
+
     def most_samples(self) -> int:
         hello = getattr(self.drive, "hello", None)
         return (hello.memory if hello else MEMORY) // (len(CURRENTS) + 1)
@@ -249,7 +290,7 @@ class Excitation:
         k = first + np.arange((n - 1) * prescaler) - self._delay
         v = voltage(vector_V, wave, 2 * np.pi * hertz / self.f_isr_Hz * k) * (k >= 0)[:, None]
         mean = v.reshape(n - 1, prescaler, 4).mean(1)
-        return Samples(1 / found.rate_Hz, i_A, np.asarray(found["vdc_V"], float), mean)
+        return Samples(1 / found.rate_Hz, i_A, np.asarray(found["vdc_V"], float), mean, self.frame)
 
 
 def voltage(vector_V: np.ndarray, wave: str, angle_rad: np.ndarray) -> np.ndarray:

@@ -19,18 +19,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..plant.vsd import INVERSE, TRANSFORM
-from .excitation import Excitation, Samples, half_wave_Hz, on_leg
-from .regression import MEAN_GAIN, Value, linear, mean
+from .excitation import CommissioningError, Excitation, Samples, half_wave_Hz
+from .regression import AXIS_GAIN, MEAN_GAIN, Value, linear, mean
 from .resistance import Resistance
 
 #: Half-waves, fast interrupts: long enough that most samples lie off the edges.
 TICKS = 9
 #: Shares of the stated limit: the direct current, the triangle's peak, and the one on each leg.
 BIAS, SWING, AIM = 0.42, 0.25, 0.4
+#: The triangle's peak with magnets. Nothing along its axis balances the voltage that the direct
+#: current's legs lose there, and a low resistance makes much current of it.
+MAGNETS_SWING = 0.15
+#: Of their wave, during which nothing holds the rotor.
+HELD_PERIODS = 24
 PERIODS = 16
 #: Two standard deviations of the method's own error, share: voltage that devices take beside the
 #: lost voltages, edges, the sensors' delay. Of sigma L_s, and of L_xy, whose currents are steeper.
 MODEL_ERROR, XY_MODEL_ERROR = 0.002, 0.004
+#: Before each wave a direct current along alpha, share of the stated limit, brings a rotor with
+#: magnets there. No further may it stand off; and it may do so by this angle unseen.
+HOLD, HOLD_S, OFF_DEG, UNSEEN_DEG = 0.33, 0.4, 25.0, 2.0
+#: Largest L_d over L_q that is taken for none.
+ALIKE = 1.05
 #: The flux is gone after so many of the machine's slow time constants. With the gates off it decays
 #: faster than these say.
 DECAY = 4.0
@@ -61,6 +71,85 @@ def measure(
     return Inductance(sigma_ls_H, lxy_H, phases(waves, resistance), (first, second))
 
 
+@dataclass(frozen=True)
+class Salient:
+    """Of a machine whose rotor has magnets."""
+
+    ld_H: Value
+    lq_H: Value
+    lxy_H: Value
+    off_deg: tuple[float, float]  #: the rotor from alpha in both waves, as its saliency shows
+    waves: tuple[Samples, ...] = ()  #: along alpha and along x
+
+    @property
+    def too_much(self) -> bool:
+        """Whether L_d is above L_q by more than a drive may do without."""
+        return self.ld_H.value > ALIKE * self.lq_H.value
+
+    def usable(self) -> tuple[Value, Value]:
+        """L_d and L_q as the firmware takes them: one value if L_d is a little above L_q."""
+        if self.ld_H.value <= self.lq_H.value:
+            return self.ld_H, self.lq_H
+        one = mean([self.ld_H, self.lq_H]).plus(0.5 * (self.ld_H.value - self.lq_H.value))
+        return one, one
+
+
+def measure_magnets(
+    test: Excitation, resistance: Resistance, per_H: tuple[float, float], xy_per_H: float
+) -> Salient:
+    """Of a rotor that stands along alpha, where direct current has pulled it. `per_H`: the least
+    and the largest conductance in alpha-beta, `xy_per_H`: 1/L_xy, roughly, from the wiring check.
+
+    A wave along alpha makes a current along beta as well if the rotor stands beside alpha by t:
+
+        d i_alpha/dt = (m + h cos 2t) v,  d i_beta/dt = h sin 2t v,  1/L_d = m + h, 1/L_q = m - h
+
+    and one along beta the same with -h. So both slopes of both waves give L_d and L_q wherever it
+    stands, and t tells which is which. During a wave nothing holds it but friction."""
+    found: list[tuple[Value, Value]] = []
+    waves = []
+    for axis in (0, 1):
+        _, wave = _along(test, resistance, axis, per_H[1], HOLD)
+        direct, across = (_slopes(wave, axis, of)[0][0] for of in (axis, 1 - axis))
+        found.append((direct, across))
+        waves.append(wave)
+    # Beside a wave along y a direct current along beta would flow, which turns the shaft.
+    lxy_H, along_x = _along(test, resistance, 2, xy_per_H)
+    ld_H, lq_H, off_deg = salient(found)
+    if max(map(abs, off_deg)) > OFF_DEG:
+        raise CommissioningError(
+            f"inductance: the shaft has turned away from where direct current held it, by "
+            f"{max(map(abs, off_deg)):.0f} electrical degrees: a brake must hold it"
+        )
+    gain = math.hypot(AXIS_GAIN, MODEL_ERROR)
+    lxy_H = lxy_H.plus_share(math.hypot(AXIS_GAIN, XY_MODEL_ERROR))
+    return Salient(
+        ld_H.plus_share(gain), lq_H.plus_share(gain), lxy_H, off_deg, (waves[0], along_x)
+    )
+
+
+def salient(found: list[tuple[Value, Value]]) -> tuple[Value, Value, tuple[float, float]]:
+    """L_d, L_q, and the rotor's angles from alpha in both waves, degrees, from the slopes (along,
+    across) of a wave along alpha and of one along beta, 1/H."""
+    (a, across_a), (b, across_b) = found
+    half = 0.5 * (a.value - b.value)
+    doubt = math.hypot(a.uncertainty, b.uncertainty)
+    if abs(half) < 2 * doubt:  # no saliency to be seen, so no angle
+        two_t = [0.0, 0.0]
+    else:
+        for _ in range(20):
+            two_t = [math.asin(max(-1.0, min(1.0, s.value / half))) for s in (across_a, across_b)]
+            half = (a.value - b.value) / sum(math.cos(t) for t in two_t)
+    middle = a.value - half * math.cos(two_t[0])
+    ends = middle + half, middle - half
+    unseen = [half * (1 - math.cos(abs(t) + 2 * math.radians(UNSEEN_DEG))) for t in two_t]
+    values = [
+        Value(1 / end, math.hypot(wave.uncertainty, off) / end**2)
+        for end, wave, off in zip(ends, (a, b), unseen)
+    ]
+    return values[0], values[1], (math.degrees(two_t[0]) / 2, math.degrees(two_t[1]) / 2)
+
+
 def _on_legs(test: Excitation, leg_per_H: float) -> list[Samples]:
     """A wave on each leg in turn, whose conductance is `leg_per_H`."""
     hertz = half_wave_Hz(test.f_isr_Hz, TICKS)
@@ -69,28 +158,41 @@ def _on_legs(test: Excitation, leg_per_H: float) -> list[Samples]:
     volts = min(AIM * test.limits.current_A / per_V, test.most_pu * test.vdc_V)
     waves = []
     for leg in range(6):
-        waves.append(test.pulse(on_leg(leg, volts), "square", hertz, PERIODS / hertz))
+        waves.append(test.pulse(test.on_leg(leg, volts), "square", hertz, PERIODS / hertz))
         test.rest(2 / hertz)
     return waves
 
 
 def _along(
-    test: Excitation, resistance: Resistance, axis: int, per_H: float
+    test: Excitation, resistance: Resistance, axis: int, per_H: float, hold: float = 0.0
 ) -> tuple[Value, Samples]:
     """Inductance of one of the four axes, with a direct current along the other plane's one; and
-    the wave that tells it."""
-    limit_A, other = test.limits.current_A, (axis + 2) % 4
-    hertz = half_wave_Hz(test.f_isr_Hz, TICKS)
-    bias_A = INVERSE[:, other] * BIAS * limit_A
-    vector = TRANSFORM @ (resistance.mean_ohm.value * bias_A + resistance.of_legs(bias_A))
-    test.set(vector)
-    test.wait(0.1)
+    the wave that tells it. `hold`: until the wave begins a direct current along alpha, share of the
+    stated limit, holds the shaft."""
+    frame, limit_A, other = test.frame, test.limits.current_A, (axis + 2) % 4
+
+    def bias_V(alpha: float) -> np.ndarray:
+        bias_A = (frame.inverse[:, other] * BIAS + frame.inverse[:, 0] * alpha) * limit_A
+        lost_V = resistance.of_legs(bias_A)
+        return frame.transform @ (resistance.mean_ohm.value * bias_A + lost_V)
+
+    hertz, swing = half_wave_Hz(test.f_isr_Hz, TICKS), MAGNETS_SWING if hold else SWING
+    vector = bias_V(0.0)
     # No leg has more of the wave's voltage than the axis itself.
-    room_V = test.most_pu * test.vdc_V - float(np.abs(INVERSE @ vector).max())
+    room_V = test.most_pu * test.vdc_V - float(np.abs(frame.inverse @ vector).max())
     kind = "square-ab" if axis < 2 else "square-xy"
     found = Value(1 / per_H, 0.0)
-    for share, periods in ((0.25, PERIODS), (1.0, 4 * PERIODS)):  # roughly, then right
-        swing_V = share * SWING * limit_A * 4 * hertz * found.value
+    whole = HELD_PERIODS if hold else 4 * PERIODS
+    for share, periods in ((0.25, PERIODS), (1.0, whole)):  # roughly, then right
+        if hold:
+            test.set(bias_V(hold))
+            test.wait(HOLD_S)
+            test.set(bias_V(0.3 * hold))  # beside the wave it must not take a leg to zero
+            test.wait(0.02)
+        elif share < 1:
+            test.set(vector)
+            test.wait(0.1)
+        swing_V = share * swing * limit_A * 4 * hertz * found.value
         vector[axis] = min(swing_V, room_V)
         wave = test.pulse(vector, kind, hertz, periods / hertz)
         found = along(wave, axis)
@@ -104,10 +206,13 @@ def along(wave: Samples, axis: int) -> Value:
     return Value(1 / per_H.value, per_H.uncertainty / per_H.value**2)
 
 
-def _slopes(wave: Samples, axis: int) -> tuple[list[Value], list[np.ndarray]]:
-    """The parts of the currents' slope, and the columns that these factors belong to. What
-    changes slowly, for the resistances and the rotor's flux, has columns of its own."""
-    i = wave.i_vsd_A[:, axis]
+def _slopes(
+    wave: Samples, axis: int, of: int | None = None
+) -> tuple[list[Value], list[np.ndarray]]:
+    """The parts of the slope of the current along an axis (`of`: along this one), and the columns
+    that these factors belong to. What changes slowly, for the resistances and the rotor's flux, has
+    columns of its own."""
+    i = wave.i_vsd_A[:, axis if of is None else of]
     slope = np.diff(i) / wave.dt_s
     v = wave.v_V[:, axis]
     same = np.zeros(len(v), bool)

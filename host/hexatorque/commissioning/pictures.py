@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import inductance, wiring
+from . import alignment, inductance, wiring
 from .result import Findings
 
 #: Most points of a picture, and of the picture of a wave: enough to see that it repeats.
@@ -64,9 +64,10 @@ def _resistance(found: Findings) -> list[Picture]:
 
 
 def _inductance(found: Findings) -> list[Picture]:
-    assert found.inductance
+    coils = found.inductance or found.salient
+    assert coils
     drawn = []
-    for wave, axis, name in zip(found.inductance.waves, (0, 2), ("alpha", "x")):
+    for wave, axis, name in zip(coils.waves, (0, 2), ("alpha", "x")):
         i, fit = inductance.fitted(wave, axis)
         time_ms = 1e3 * wave.dt_s * np.arange(len(i))
         title = f"Current along {name} under a square wave of voltage"
@@ -82,6 +83,21 @@ def _encoder(found: Findings) -> list[Picture]:
     share, field = np.linspace(0, 100, len(speed_rpm)), np.full(len(speed_rpm), field_rpm)
     title = "Speed of the shaft while the field turns; fit: the field's"
     return [_picture(title, "share of the last half second, %", "r/min", share, speed_rpm, field)]
+
+
+def _alignment(found: Findings) -> list[Picture]:
+    assert found.alignment
+    asked, shown = found.alignment.readings[: len(alignment.STOPS)].T
+    title = "The encoder's electrical angle; fit: the current's direction"
+    return [_picture(title, "direction of the current, degrees", "degrees", asked, shown, asked)]
+
+
+def _magnets(found: Findings) -> list[Picture]:
+    assert found.emf
+    corner, flux_Wb = found.emf.points[np.argsort(found.emf.points[:, 0])].T
+    fit = np.polyval(np.polyfit(corner, flux_Wb, 1), corner)
+    title = "Flux of the magnets; at a corner of 0 the voltages alone tell it"
+    return [_picture(title, "corner of the observer, rad/s", "Wb", corner, flux_Wb, fit)]
 
 
 def _rotor(found: Findings) -> list[Picture]:
@@ -107,4 +123,5 @@ def _mechanics(found: Findings) -> list[Picture]:
 _PICTURES = {
     "wiring": _wiring, "resistance": _resistance, "inductance": _inductance, "encoder": _encoder,
     "rotor": _rotor, "magnetisation": _magnetisation, "mechanics": _mechanics,
+    "alignment": _alignment, "magnets": _magnets,
 }  # fmt: skip

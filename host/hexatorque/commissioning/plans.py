@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..drive.interface import DriveVerbs
-from . import encoder, inductance, resistance, rotor, running, wiring
+from . import alignment, encoder, inductance, resistance, rotor, running, wiring
 from .excitation import MOST_PU, TRIP_SHARE, Limits
+from .kinds import MAGNET, at_standstill, kind_of
 
 
 class Plan(NamedTuple):
@@ -18,17 +19,19 @@ class Plan(NamedTuple):
 
 def plan(drive: DriveVerbs, limits: Limits, step: str, turns_rev: float) -> Plan:
     """The plan of a step with these limits, by the parameters that are in force."""
-    vdc_V, limit_A = running.vdc_V(drive), limits.current_A
+    vdc_V, limit_A = running.vdc_V(drive), at_standstill(drive, limits).current_A
     flux_Wb, pole_pairs = (float(drive.get(name)) for name in ("flux_ref_Wb", "pole_pairs"))
     most_V = f"up to {MOST_PU * vdc_V:.3g} V on a leg"
     trip = f"; the gates go off at {TRIP_SHARE * limit_A:.3g} A"
     peak_A = (inductance.BIAS + inductance.SWING) * limit_A
-    below = f"below {limit_A:.3g} A: i_trip_A, torque and flux build-up are limited to it"
+    below = f"below {limits.current_A:.3g} A: i_trip_A, torque and flux build-up are limited to it"
     speed_rpm = running.test_speed_rpm(drive, limits)
     still = (
         f"stands still, and may tremble; the gates go off if it moves by {limits.travel_rev:g} "
         "revolutions"
     )
+    magnets = kind_of(drive) is MAGNET
+    waves = "Square waves of voltage along each axis, on top of a direct current"
     return {
         "wiring": Plan(
             "Short square waves of voltage on one leg after the other show which lead and which "
@@ -38,17 +41,37 @@ def plan(drive: DriveVerbs, limits: Limits, step: str, turns_rev: float) -> Plan
             still,
         ),
         "resistance": Plan(
-            "Direct currents in the x-y plane, which make no torque, in three sizes and twelve "
-            "directions; then larger ones for each phase.",
+            "Direct currents in the x-y plane, which make no torque, or little with magnets, in "
+            "three sizes and twelve directions"
+            + ("." if magnets else "; then larger ones for each phase."),
             f"what these currents need, {most_V}",
             f"up to {(resistance.MOST + resistance.BRAKE) * limit_A:.3g} A on a leg" + trip,
             still,
         ),
         "inductance": Plan(
-            "Square waves of voltage along each axis, on top of a direct current, and on each leg.",
+            waves + ("." if magnets else ", and on each leg."),
             most_V,
             f"{inductance.BIAS * limit_A:.3g} A, and a triangle up to {peak_A:.3g} A" + trip,
-            still,
+            "is PULLED to alpha before each wave, by some degrees; then " + still
+            if magnets
+            else still,
+        ),
+        "alignment": Plan(
+            "A direct current pulls the magnets to a quarter of an electrical turn beside alpha, "
+            "then to alpha; from there it turns forwards and back.",
+            "what the current needs at standstill",
+            f"{alignment.AIM * limit_A:.3g} A" + trip + "; each reading of the encoder's count is "
+            "such a trip, and the board's log has it",
+            "TURNS at once by up to half an electrical turn, swings, then turns slowly by "
+            f"{max(1, round(turns_rev)) / pole_pairs:.3g} revolutions and back; nothing may be "
+            "coupled that takes torque",
+        ),
+        "magnets": Plan(
+            "The drive aligns the rotor as its parameters say, and RUNS without load, with a "
+            "current against the magnets.",
+            "what the drive needs",
+            below,
+            f"TURNS at up to {speed_rpm:.0f} r/min; nothing may be coupled that takes torque",
         ),
         "encoder": Plan(
             f"A field turns {turns_rev:g} times, and as often again if the shaft follows slowly.",

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..plant.vsd import INVERSE, TRANSFORM
-from .excitation import CommissioningError, Excitation
+from .excitation import FRAME, CommissioningError, Excitation, Frame
 from .regression import MEAN_GAIN, PHASE_GAIN, Value, linear
 
 #: Currents of the measurement, share of the stated limit.
@@ -25,6 +24,11 @@ DIRECTIONS_DEG = (15.0, 45.0, 75.0, 105.0, 135.0, 165.0)
 #: Share of the largest current for the tests that follow.
 MOST = 0.5
 MEAN_S = 0.025
+#: The same of a rotor with magnets, which may tremble: over a long time its voltage has no mean.
+TREMBLES_S = 0.1
+#: And two standard deviations of its phases' resistances, share, found on simulated drives: twelve
+#: values from the same points, among them each leg's lost voltage.
+STILL_ERROR = 0.025
 #: The voltage of the first look grows by this share, but never by more than what drives this share
 #: of the current aimed at through the resistance: below what dead time takes there is no current,
 #: and beyond it a low resistance lets much through.
@@ -56,35 +60,58 @@ class Resistance:
 def measure(test: Excitation, xy_per_H: float, slow_s: float) -> Resistance:
     """`xy_per_H`: 1/L_xy, roughly, from the wiring check; `slow_s`: the machine's slow time
     constant, roughly: L_m/R_s + L_m/R_r."""
-    limit_A = test.limits.current_A
-    vdc_V = test.vdc_V
-    ohm, lost_V = _rough(test, vdc_V, LEVELS[-1] * limit_A, xy_per_H)
-    settle_s = min(2.0, 8 / (ohm * xy_per_H))
-    points = []
-    for level in LEVELS:
-        for degrees in DIRECTIONS_DEG:
-            for turn in (0.0, 180.0):
-                i_A = INVERSE[:, 2:] @ (level * limit_A * _unit(degrees + turn))
-                legs_V = ohm * i_A + lost_V * np.sign(np.where(np.abs(i_A) < 1e-6, 0, i_A))
-                vector = TRANSFORM @ legs_V
-                currents, _, _ = test.steady(vector, settle_s, MEAN_S)
-                points.append((vector, currents))
-    found = solve(np.array([v for v, _ in points]), np.array([i for _, i in points]), vdc_V)
+    found, settle_s = _in_xy(test, xy_per_H)
     phases = _phases(test, found, PHASE_TIME_CONSTANTS * slow_s)
     test.rest(settle_s)
     return phases
 
 
+def measure_still(test: Excitation, xy_per_H: float, least_per_H: float) -> Resistance:
+    """The same without a current that would hold the shaft: it turns a rotor with magnets. There
+    nothing is slow, so the currents of asymmetry in alpha-beta, whose least conductance is
+    `least_per_H`, settle as well, and the same points tell the phases from each other."""
+    drive = test.drive
+    dead_s = 1e-6 * float(drive.get("dead_time_us")) * test.f_isr_Hz
+    found, settle_s = _in_xy(test, min(xy_per_H, least_per_H), TREMBLES_S, dead_s * test.vdc_V)
+    test.rest(settle_s)
+    wide, share = found.mean_ohm.uncertainty, float(np.hypot(PHASE_GAIN, STILL_ERROR))
+    return replace(found, rs_ohm=tuple(v.plus(wide).plus_share(share) for v in found.rs_ohm))
+
+
+def _in_xy(
+    test: Excitation, xy_per_H: float, mean_s: float = MEAN_S, dead_V: float = 0.0
+) -> tuple[Resistance, float]:
+    """From direct currents in the x-y plane; and their time to settle. `dead_V`: the voltage that
+    dead time takes, by the parameters. It is not the same share of each leg's voltage: without it
+    some current would flow in alpha-beta and turn a rotor with magnets."""
+    frame, limit_A = test.frame, test.limits.current_A
+    vdc_V = test.vdc_V
+    ohm, lost_V = _rough(test, vdc_V, LEVELS[-1] * limit_A, xy_per_H, dead_V)
+    settle_s = min(2.0, 8 / (ohm * xy_per_H))
+    points = []
+    for level in LEVELS:
+        for degrees in DIRECTIONS_DEG:
+            for turn in (0.0, 180.0):
+                i_A = frame.inverse[:, 2:] @ (level * limit_A * _unit(degrees + turn))
+                legs_V = ohm * i_A + lost_V * np.sign(np.where(np.abs(i_A) < 1e-6, 0, i_A))
+                vector = frame.transform @ legs_V
+                currents, _, _ = test.steady(vector, settle_s, mean_s)
+                points.append((vector, currents))
+    v, i = (np.array(part) for part in zip(*points))
+    return solve(v, i, vdc_V, frame), settle_s
+
+
 def _phases(test: Excitation, found: Resistance, settle_s: float) -> Resistance:
     """The same with the phases' resistances told from each other."""
     size_A = MOST * test.limits.current_A
-    brake_A = INVERSE[:, 0] * BRAKE * test.limits.current_A
+    transform, inverse, _ = test.frame
+    brake_A = inverse[:, 0] * BRAKE * test.limits.current_A
     legs_V, i_A = [], []
     for degrees in PHASE_DIRECTIONS_DEG:
-        wanted_A = INVERSE[:, 2:] @ (size_A * _unit(degrees)) + brake_A
-        vector = TRANSFORM @ (found.mean_ohm.value * wanted_A + found.of_legs(wanted_A))
+        wanted_A = inverse[:, 2:] @ (size_A * _unit(degrees)) + brake_A
+        vector = transform @ (found.mean_ohm.value * wanted_A + found.of_legs(wanted_A))
         currents, _, _ = test.steady(vector, settle_s, MEAN_S)
-        legs_V.append(INVERSE @ vector - found.of_legs(currents))
+        legs_V.append(inverse @ vector - found.of_legs(currents))
         i_A.append(currents)
     currents = np.array(i_A)
     columns = [_in_star(currents, leg).ravel() for leg in range(6)]
@@ -99,14 +126,19 @@ def _unit(degrees: float) -> np.ndarray:
     return np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
 
 
-def _rough(test: Excitation, vdc_V: float, aim_A: float, xy_per_H: float) -> tuple[float, float]:
-    """Resistance and lost voltage, roughly: the voltage along x grows until the current flows. The
-    parameter rs_ohm decides on the steps until two currents tell the resistance."""
-    volts, points = 0.005 * vdc_V, []
+def _rough(
+    test: Excitation, vdc_V: float, aim_A: float, xy_per_H: float, dead_V: float
+) -> tuple[float, float]:
+    """Resistance and lost voltage, roughly: the voltage along x, beside `dead_V` of each leg that
+    has a current, grows until the current flows. The parameter rs_ohm decides on the steps until
+    two currents tell the resistance."""
+    volts, points, along_x = 0.005 * vdc_V, [], test.frame.transform[2]
+    legs = test.frame.inverse[:, 2]
+    beside_V = dead_V * (test.frame.transform @ np.where(np.abs(legs) < 1e-6, 0.0, np.sign(legs)))
     ohm, settle_s = float(test.drive.get("rs_ohm")), 0.02
     while True:
-        currents, _, _ = test.steady(np.array([0, 0, volts, 0]), settle_s, 0.005)
-        current_A = float(TRANSFORM[2] @ currents)
+        currents, _, _ = test.steady(beside_V + np.array([0, 0, volts, 0]), settle_s, 0.005)
+        current_A = float(along_x @ currents)
         points.append((volts, current_A))
         if current_A > aim_A:
             break
@@ -122,18 +154,18 @@ def _rough(test: Excitation, vdc_V: float, aim_A: float, xy_per_H: float) -> tup
             )
     sure = [(v, i) for v, i in points if i > 0.3 * aim_A]
     if len(sure) < 2:
-        return volts / current_A, 0.0
+        return volts / current_A, dead_V
     (slope, lost), _ = linear(
         [np.array([i for _, i in sure]), np.ones(len(sure))], np.array([v for v, _ in sure])
     )
     # Along x every leg loses D against its current: together this much of the voltage.
-    share = float(np.abs(TRANSFORM[2]).sum())
-    return max(slope.value, 1e-4), max(lost.value / share, 0.0)
+    share = float(np.abs(along_x).sum())
+    return max(slope.value, 1e-4), max(lost.value / share + dead_V, 0.0)
 
 
-def solve(vectors_V: np.ndarray, i_A: np.ndarray, vdc_V: float) -> Resistance:
+def solve(vectors_V: np.ndarray, i_A: np.ndarray, vdc_V: float, frame: Frame = FRAME) -> Resistance:
     """Resistances and lost voltages from direct voltages (n, 4) and currents (n, 6)."""
-    legs_V = vectors_V @ INVERSE.T
+    legs_V = vectors_V @ frame.inverse.T
     largest_A = float(np.abs(i_A).max())
     best = None
     for share in (0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.17, 0.25):
@@ -144,7 +176,7 @@ def solve(vectors_V: np.ndarray, i_A: np.ndarray, vdc_V: float) -> Resistance:
             best = (size, knee_A, values)
     assert best is not None
     _, knee_A, values = best
-    ohm, lost_V = _means(vectors_V, i_A, knee_A)
+    ohm, lost_V = _means(vectors_V, i_A, knee_A, frame)
     ohm = ohm.plus_share(MEAN_GAIN)
     found = Resistance(
         _about(ohm, values[:6]), _about(lost_V, values[6:]), ohm, lost_V, knee_A,
@@ -153,14 +185,16 @@ def solve(vectors_V: np.ndarray, i_A: np.ndarray, vdc_V: float) -> Resistance:
     return replace(found, curve=_curve(found, legs_V, i_A))
 
 
-def _means(vectors_V: np.ndarray, i_A: np.ndarray, knee_A: float) -> tuple[Value, Value]:
+def _means(
+    vectors_V: np.ndarray, i_A: np.ndarray, knee_A: float, frame: Frame
+) -> tuple[Value, Value]:
     """One R and one D for all legs, from the points at which every leg loses all of its D. Only the
     x-y plane tells them: asymmetry drives small currents in the alpha-beta plane, which has not
     settled, and there the rotor adds its resistance."""
     beyond = np.abs(i_A).min(1) > knee_A
     if beyond.sum() < len(i_A) // 4:
         beyond[:] = True
-    plane = TRANSFORM[2:].T
+    plane = frame.transform[2:].T
     shape = np.clip(i_A[beyond] / knee_A, -1, 1)
     columns = [(i_A[beyond] @ plane).ravel(), (shape @ plane).ravel()]
     (ohm, lost_V), _ = linear(columns, vectors_V[beyond, 2:].ravel())

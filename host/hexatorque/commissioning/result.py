@@ -17,9 +17,12 @@ from ..setups import derived
 from ..setups.keys import TIMING_OWNS
 from ..setups.loading import parse
 from ..setups.to_parameters import parameters
+from .alignment import Alignment
+from .emf import Emf
 from .encoder import Encoder
 from .excitation import BORROWED
-from .inductance import Inductance
+from .inductance import Inductance, Salient
+from .kinds import kind_of
 from .regression import Value
 from .resistance import Resistance
 from .rotor import Rotor
@@ -38,6 +41,9 @@ class Findings:
     inductance: Inductance | None = None
     rotor: Rotor | None = None
     magnetisation: Magnetisation | None = None
+    alignment: Alignment | None = None
+    salient: Salient | None = None
+    emf: Emf | None = None
     mechanics: Mechanics | None = None
     noise_A: float = 0.0
 
@@ -56,7 +62,26 @@ class Findings:
         if self.rotor:
             lm, lr = self._lm(drive)
             found["rr_ohm"], found["lm_H"], found["lr_H"] = self.rotor.rr_ohm, lm, lr
-        return {**found, **self._gains(drive, vdc_V)}
+        return {**found, **self._magnets(drive), **self._gains(drive, vdc_V)}
+
+    def _magnets(self, drive: DriveVerbs) -> dict[str, Value]:
+        found: dict[str, Value] = {}
+        if self.alignment and drive.get("rotor_start") == "known":
+            found["rotor_zero_deg"] = self.alignment.zero_deg
+        if self.salient:
+            ld, lq = self.salient.usable()
+            found |= {"ld_H": ld, "sigma_ls_H": lq, "lxy_H": self.salient.lxy_H}
+        if self.emf:
+            found["psi_f_Wb"] = self.emf.psi_f_Wb
+            for k, order in enumerate((5, 7)[: len(self.emf.harmonics)]):
+                found[f"emf{order}_share"] = self.emf.share(k)
+                found[f"emf{order}_deg"] = self.emf.degrees(k)
+        return found
+
+    def whole(self) -> bool:
+        """Whether a set-up can be written."""
+        coils = (self.rotor and self.inductance) or (self.emf and self.salient)
+        return bool(self.resistance and coils)
 
     def _lm(self, drive: DriveVerbs) -> tuple[Value, Value]:
         """L_m and L_r at the flux reference: from no load if that was measured, else as found at
@@ -72,10 +97,10 @@ class Findings:
     def _gains(self, drive: DriveVerbs, vdc_V: float) -> dict[str, Value]:
         """Step f, by the rules of a set-up. A gain is as uncertain as what it is made from."""
         gains: dict[str, Value] = {}
-        if self.inductance and vdc_V > 0:
+        if (coils := self.inductance or self.salient) and vdc_V > 0:
             per_H = derived.kp_xy(1.0, vdc_V, 1 / _number(drive, "f_isr_Hz"))
-            gains["kp_xy_pu_A"] = _times(self.inductance.lxy_H, per_H)
-            gains["ki_xy_pu_As"] = _times(self.inductance.lxy_H, derived.ki_xy(per_H))
+            gains["kp_xy_pu_A"] = _times(coils.lxy_H, per_H)
+            gains["ki_xy_pu_As"] = _times(coils.lxy_H, derived.ki_xy(per_H))
         if self.mechanics:
             corner = derived.corner_rad_s(_number(drive, "f_slow_Hz"))
             kp, ki = (_number(drive, name) for name in ("kp_speed_Nms_rad", "ki_speed_Nm_rad"))
@@ -111,20 +136,14 @@ def _number(drive: DriveVerbs, name: str) -> float:
 def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
     """The text of a set-up's file. Everything measured has the tag `measured` and its uncertainty;
     the rest is what the board was set to."""
-    if not (found.resistance and found.inductance and found.rotor):
-        raise InputError("a set-up needs resistance, inductance and rotor")
+    if not found.resistance or not found.whole():
+        raise InputError(f"a set-up needs the step {kind_of(drive).whole} at least")
     values = found.parameters(drive)
-    leakage_H = found.rotor.leakage_H
-    lm = values["lm_H"]
-    note = "stator and rotor leakage taken as equal"
     rs = values["rs_ohm"]
     machine = {
         "pole_pairs": int(_number(drive, "pole_pairs")),
         "rs_ohm": _measured(rs, note="devices' on-resistance included"),
-        "rr_ohm": _measured(values["rr_ohm"], note=note),
-        "lls_H": _measured(Value(leakage_H, found.inductance.sigma_ls_H.uncertainty), note=note),
-        "llr_H": _measured(Value(leakage_H, found.inductance.sigma_ls_H.uncertainty), note=note),
-        "lm_H": _measured(lm, note=note),
+        **(_with_magnets(values, drive) if found.emf else _with_winding(found, values)),
         "lxy_H": _measured(values["lxy_H"]),
         "drs_ohm": _six([v.value - rs.value for v in found.resistance.rs_ohm]),
     }
@@ -154,7 +173,7 @@ def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
                 _short(_number(drive, "torque_limit_Nm") / derived.LIMIT_PER_RATED),
                 f"torque_limit_Nm over {derived.LIMIT_PER_RATED:g}; the plate knows better",
             ),
-            "flux_Wb": _short(_number(drive, "flux_ref_Wb")),
+            **({} if found.emf else {"flux_Wb": _short(_number(drive, "flux_ref_Wb"))}),
         },
     }
     if found.mechanics and found.mechanics.fan_Nms2.value > 0:
@@ -165,6 +184,41 @@ def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
     head = [f"title = {json.dumps(title)}", 'defaults = "firmware"', *_curves(found)]
     alone = parameters(parse(_text(head, sections), title, whole=False))
     return _text(head, {**sections, "controller": _controller(drive, values, alone)})
+
+
+def _with_winding(found: Findings, values: Mapping[str, Value]) -> dict[str, object]:
+    """The entries of [machine] for an induction machine's rotor."""
+    assert found.rotor and found.inductance
+    note = "stator and rotor leakage taken as equal"
+    leakage = Value(found.rotor.leakage_H, found.inductance.sigma_ls_H.uncertainty)
+    return {
+        "rr_ohm": _measured(values["rr_ohm"], note=note),
+        "lls_H": _measured(leakage, note=note),
+        "llr_H": _measured(leakage, note=note),
+        "lm_H": _measured(values["lm_H"], note=note),
+    }
+
+
+def _with_magnets(values: Mapping[str, Value], drive: DriveVerbs) -> dict[str, object]:
+    """And for one with magnets."""
+    apart = int(drive.get("displacement_deg"))
+    entries: dict[str, object] = {
+        "model": "magnet",
+        "psi_f_Wb": _measured(values["psi_f_Wb"]),
+        "ld_H": _measured(values["ld_H"]),
+        "lq_H": _measured(values["sigma_ls_H"]),
+        **({} if apart == 30 else {"displacement_deg": apart}),
+    }
+    if "emf5_share" in values:
+        for key, unit in (("emf_share", "share"), ("emf_deg", "deg")):
+            parts = [values[f"emf{order}_{unit}"] for order in (5, 7)]
+            doubt = max(part.uncertainty for part in parts)
+            entries[key] = {
+                "value": [*(_short(part.value, 3) for part in parts), 0.0, 0.0],
+                "tag": "measured",
+                "note": f"harmonics 5 and 7, ±{doubt:.2g}; 11 and 13 not measured",
+            }
+    return entries
 
 
 def set_up_of_board(found: Findings, drive: BoardDrive) -> str:
@@ -183,7 +237,8 @@ def _text(head: list[str], sections: Mapping[str, Mapping[str, object]]) -> str:
 #: Controller parameters that a set-up derives from its other sections.
 DERIVED = (
     "pole_pairs", "rs_ohm", "drop_V", "sigma_ls_H", "lxy_H", "rr_ohm", "lr_H", "lm_H",
-    "dead_time_us", "i_full_A", "vdc_full_V", "encoder_counts_rev",
+    "dead_time_us", "i_full_A", "vdc_full_V", "encoder_counts_rev", "machine", "psi_f_Wb", "ld_H",
+    "displacement_deg", "emf5_share", "emf5_deg", "emf7_share", "emf7_deg",
 )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..drive.interface import DriveVerbs
 from ..errors import HexatorqueError
+from ..firmware import RUN
 from ..plant.vsd import PHASES, TRANSFORM
 from ..setups.design import VECTOR_PU
 from .excitation import CommissioningError, Limits
@@ -111,12 +112,21 @@ def needed_A(drive: DriveVerbs) -> float:
 
 
 def _no_load_A(drive: DriveVerbs) -> float:
+    if magnets(drive):
+        return 0.0
     return float(drive.get("flux_ref_Wb")) / float(drive.get("lr_H"))
+
+
+def magnets(drive: DriveVerbs) -> bool:
+    """Whether the rotor has them: then the machine has its flux without current."""
+    return "machine" in drive.params and drive.get("machine") == "magnet"
 
 
 def _step_A(drive: DriveVerbs) -> float:
     """The largest step of a current in one period."""
     sigma_ls_H, f_isr_Hz = float(drive.get("sigma_ls_H")), float(drive.get("f_isr_Hz"))
+    if magnets(drive):
+        sigma_ls_H = min(sigma_ls_H, float(drive.get("ld_H")))
     return VECTOR_PU * vdc_V(drive) / (f_isr_Hz * sigma_ls_H)
 
 
@@ -124,7 +134,7 @@ def vdc_V(drive: DriveVerbs) -> float:
     return float(drive.capture(("vdc_V",), 64, timeout_s=5)["vdc_V"].mean())
 
 
-def _scheme(drive: DriveVerbs) -> str:
+def scheme_of(drive: DriveVerbs) -> str:
     """The scheme of the tests; the drive's own one if its timing or its machine forbid that."""
     own = str(drive.get("scheme"))
     try:
@@ -135,7 +145,7 @@ def _scheme(drive: DriveVerbs) -> str:
     return SCHEME
 
 
-def _limited(drive: DriveVerbs, limits: Limits) -> dict[str, object]:
+def limited(drive: DriveVerbs, limits: Limits) -> dict[str, object]:
     """Parameters that keep the currents within the limit. With less current the flux takes longer
     to build up."""
     no_load_A, step_A, needed = _no_load_A(drive), _step_A(drive), needed_A(drive)
@@ -148,9 +158,9 @@ def _limited(drive: DriveVerbs, limits: Limits) -> dict[str, object]:
         float(drive.get(name))
         for name in ("build_current_A", "build_s", "torque_limit_Nm", "i_trip_A")
     )
-    usable_A = USABLE * (limits.current_A - 2 * step_A)
-    less_A = min(build_A, usable_A)
-    across_A = float(np.sqrt(max(usable_A**2 - no_load_A**2, (0.3 * no_load_A) ** 2)))
+    usable = usable_A(drive, limits)
+    less_A = min(build_A, usable)
+    across_A = float(np.sqrt(max(usable**2 - no_load_A**2, (0.3 * no_load_A) ** 2)))
     pole_pairs, flux_Wb = (float(drive.get(name)) for name in ("pole_pairs", "flux_ref_Wb"))
     return {
         "i_trip_A": min(trip_A, limits.current_A - step_A),
@@ -160,8 +170,13 @@ def _limited(drive: DriveVerbs, limits: Limits) -> dict[str, object]:
     }
 
 
+def usable_A(drive: DriveVerbs, limits: Limits) -> float:
+    """The mean current of the running drive that keeps the limit."""
+    return USABLE * (limits.current_A - 2 * _step_A(drive))
+
+
 @contextmanager
-def _borrowed(drive: DriveVerbs, values: dict[str, object]) -> Iterator[None]:
+def borrowed(drive: DriveVerbs, values: dict[str, object]) -> Iterator[None]:
     """The drive stopped, with these parameters; afterwards stopped, with its own ones."""
     before = {name: drive.get(name) for name in values}
     drive.set_many(values)
@@ -188,14 +203,14 @@ def magnetisation(drive: DriveVerbs, limits: Limits) -> Magnetisation:
     nominal_Wb = float(drive.get("flux_ref_Wb"))
     rows = []
     values = {
-        "scheme": _scheme(drive), "start_mode": "drive", "control_mode": "speed",
+        "scheme": scheme_of(drive), "start_mode": "drive", "control_mode": "speed",
         "speed_ref_rpm": 0.0,
-        "flux_ref_Wb": nominal_Wb, "field_weakening": "off", **_limited(drive, limits),
+        "flux_ref_Wb": nominal_Wb, "field_weakening": "off", **limited(drive, limits),
     }  # fmt: skip
-    with _borrowed(drive, values):
-        _start(drive)
+    with borrowed(drive, values):
+        start(drive)
         drive.set("speed_ref_rpm", speed_rpm)
-        _wait_for(drive, speed_rpm)
+        wait_for(drive, speed_rpm)
         for share in FLUXES:
             _lead_flux(drive, share * nominal_Wb, nominal_Wb)
             drive.run(2.5 * float(drive.get("build_s")) + 0.5, record=False)
@@ -203,7 +218,7 @@ def magnetisation(drive: DriveVerbs, limits: Limits) -> Magnetisation:
             rows.append(_flux_and_inductance(drive, float(drive.get("sigma_ls_H"))))
         _lead_flux(drive, nominal_Wb, nominal_Wb)
         drive.set("speed_ref_rpm", 0.0)
-        _wait_for(drive, 0.0)
+        wait_for(drive, 0.0)
     flux_Wb, ls_H, spread_H = np.array(rows).T
     method = FLUX_ERROR if values["scheme"] == SCHEME else OTHER_SCHEME_ERROR
     return Magnetisation(flux_Wb, ls_H, np.hypot(spread_H, math.hypot(MEAN_GAIN, method) * ls_H))
@@ -243,14 +258,24 @@ def inductance_H(flux_Wb: float, along_A: float, across_A: float, sigma_ls_H: fl
     return flux_Wb * (flux_Wb - sigma_ls_H * along_A) / (along_A * flux_Wb - sigma_ls_H * square)
 
 
-def _start(drive: DriveVerbs) -> None:
-    drive.run(DECAY * float(drive.get("lr_H")) / float(drive.get("rr_ohm")), record=False)
+def start(drive: DriveVerbs) -> None:
+    """Until the drive controls torque. With magnets it aligns the rotor first, which may take four
+    times `build_s`."""
+    build_s = float(drive.get("build_s"))
+    longest_s = 4.5 * build_s if magnets(drive) else 0.0
+    if not magnets(drive):
+        drive.run(DECAY * float(drive.get("lr_H")) / float(drive.get("rr_ohm")), record=False)
     drive.start()
-    drive.run(float(drive.get("calibration_s")) + float(drive.get("build_s")) + 0.1, record=False)
+    drive.run(float(drive.get("calibration_s")) + build_s + 0.1, record=False)
+    waited_s = 0.0
+    while drive.state != RUN and waited_s < longest_s:
+        drive.check()
+        drive.run(0.1, record=False)
+        waited_s += 0.1
     drive.check()
 
 
-def _wait_for(drive: DriveVerbs, speed_rpm: float) -> None:
+def wait_for(drive: DriveVerbs, speed_rpm: float) -> None:
     """Until the mean speed is within 2 % or 3 r/min of this one."""
     waited_s = 0.0
     while abs(_speed(drive) - speed_rpm) > max(3.0, 0.02 * abs(speed_rpm)):
@@ -277,18 +302,18 @@ def mechanics(drive: DriveVerbs, limits: Limits) -> Mechanics:
     speed_rpm = test_speed_rpm(drive, limits)
     slow_s = 1 / float(drive.get("f_slow_Hz"))
     values = {
-        "scheme": _scheme(drive), "start_mode": "drive", "control_mode": "speed",
+        "scheme": scheme_of(drive), "start_mode": "drive", "control_mode": "speed",
         "speed_ref_rpm": 0.0,
-        **_limited(drive, limits),
+        **limited(drive, limits),
     }  # fmt: skip
     own_Nm = float(drive.get("torque_limit_Nm"))
     limit_Nm = float(str(values["torque_limit_Nm"]))
     torque_Nm = min(FIRST_TORQUE * own_Nm, limit_Nm)
-    with _borrowed(drive, values):
+    with borrowed(drive, values):
         enough = False  # torque: with less the drive did not come near the speed
         for _ in range(8):
             drive.set("torque_limit_Nm", torque_Nm)
-            _start(drive)
+            start(drive)
             up = _record(drive, 2 * ACCELERATE_S, {"speed_ref_rpm": speed_rpm})
             drive.check()
             if up[1].max() < REACHED * speed_rpm:
@@ -302,12 +327,12 @@ def mechanics(drive: DriveVerbs, limits: Limits) -> Mechanics:
                     break
                 torque_Nm = less_Nm  # too quick for many speed readings: once more, slower
             drive.set("speed_ref_rpm", 0.0)
-            _wait_for(drive, 0.0)
+            wait_for(drive, 0.0)
             drive.stop()
-        _wait_for(drive, speed_rpm)
+        wait_for(drive, speed_rpm)
         down = _record(drive, 2 * ACCELERATE_S, {"speed_ref_rpm": 0.0})
         drive.set("speed_ref_rpm", speed_rpm)
-        _wait_for(drive, speed_rpm)
+        wait_for(drive, speed_rpm)
         drive.stop()
         coast = _record(drive, COAST_S, {"speed_ref_rpm": 0.0})
         if coast[1][-1] > TOO_FAST * coast[1][0]:

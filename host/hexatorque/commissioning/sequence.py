@@ -2,58 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from .. import firmware
 from ..drive.interface import DriveFault, DriveVerbs
-from . import encoder, inductance, resistance, rotor, running, wiring
+from . import (
+    alignment,
+    emf,
+    encoder,
+    inductance,
+    kinds,
+    resistance,
+    rotor,
+    running,
+    wiring,
+)
 from .excitation import CommissioningError, Excitation, Limits
+from .kinds import kind_of
 from .regression import Value
 from .result import Findings
 
-#: Name -> what the step does.
-STEPS = {
-    "wiring": "sensors and motor leads",
-    "resistance": "R_s of each phase, dead time and device drops",
-    "inductance": "sigma L_s, L_xy",
-    "encoder": "its direction and counts: the shaft turns slowly",
-    "rotor": "R_r and L_m at standstill",
-    "magnetisation": "L_m at five fluxes: the drive runs without load",
-    "mechanics": "inertia, friction and load: the drive accelerates, brakes, then coasts",
-}
-#: Steps that a step needs; they run as well.
-NEEDS = {
-    "wiring": (),
-    "resistance": ("wiring",),
-    "inductance": ("wiring", "resistance"),
-    "encoder": ("wiring", "resistance"),
-    "rotor": ("wiring", "resistance", "inductance"),
-    "magnetisation": ("wiring", "resistance", "inductance", "encoder", "rotor"),
-    "mechanics": ("wiring", "resistance", "inductance", "encoder", "rotor"),
-}
 #: Called with a line for the user.
 Report = Callable[[str], None]
-
-
-def with_needs(steps: Sequence[str]) -> list[str]:
-    """The steps and those that they need, in their order."""
-    wanted = {need for step in steps for need in (step, *NEEDS[step])}
-    return [step for step in STEPS if step in wanted]
 
 
 def default_current_A(drive: DriveVerbs) -> float:
     """A limit of the currents that suits the drive's parameters, which may be wrong."""
     needed_A = max(float(drive.get("build_current_A")), 1.5 * running.needed_A(drive))
+    if running.magnets(drive):
+        needed_A = float(drive.get("build_current_A")) + running.needed_A(drive)
     return min(needed_A, 0.9 * float(drive.get("i_trip_A")))
 
 
 def commission(
     drive: DriveVerbs,
     limits: Limits,
-    steps: Sequence[str] = tuple(STEPS),
+    steps: Sequence[str] | None = None,
     turns_rev: float = 3.0,
     report: Report = lambda line: None,
     keep: bool = True,
@@ -61,29 +49,24 @@ def commission(
     end: Callable[[str, Findings], None] = lambda step, found: None,
     pause: bool = False,
 ) -> Findings:
-    """Measure what the steps say, and load the parameters that follow (`keep`: leave them in
-    force, else the drive gets its own ones back). Wrong wiring ends it: `mistakes` names it.
-    `begin` is called with the name of each step before it, `report` with each result, `end` after
-    each step. `pause`: the gates are off while `begin` is called, which may take as long as it
-    likes."""
-    steps = with_needs(steps)
-    _check_machine(drive)
+    """Measure what the steps say (None: all of the machine's kind), and load the parameters that
+    follow (`keep`: leave them in force, else the drive gets its own ones back). Wrong wiring ends
+    it: `mistakes` names it. `begin` is called with the name of each step before it, `report` with
+    each result, `end` after each step. `pause`: the gates are off while `begin` is called, which
+    may take as long as it likes."""
+    kind = kind_of(drive)
+    kinds.check(drive)
+    steps = kind.with_needs(tuple(kind.steps) if steps is None else steps)
     _check_limits(drive, limits)
     found = Findings()
-    course = Course(steps, report, begin, end, pause)
-    before = {name: drive.get(name) for name in drive.params if drive.params[name].live}
+    course = Course(steps, report, begin, end, pause, turns_rev)
+    before = {
+        name: drive.get(name)
+        for name, row in drive.params.items()
+        if row.live or name in kind.loads
+    }
     try:
-        _standstill(drive, limits, found, course)
-        if not found.mistakes and course.next("encoder"):
-            _encoder(drive, limits, turns_rev, found, report)
-            end("encoder", found)
-        if not found.mistakes and course.next("rotor"):
-            _rotor(drive, limits, found, report)
-            end("rotor", found)
-        if not found.mistakes:
-            found.load(drive)
-            _running(drive, limits, found, course)
-            found.load(drive)
+        _COURSES[kind.name](drive, limits, found, course)
     except BaseException:
         _restore(drive, before)
         raise
@@ -97,20 +80,6 @@ def _restore(drive: DriveVerbs, before: Mapping[str, object]) -> None:
     changed = {name: value for name, value in before.items() if drive.get(name) != value}
     if changed:
         drive.set_many(changed)
-
-
-def _check_machine(drive: DriveVerbs) -> None:
-    if "machine" in drive.params and drive.get("machine") == "magnet":
-        raise CommissioningError(
-            "machine = magnet: these steps measure a rotor with a winding, and their direct "
-            "current would turn one with magnets; give its values in [machine]"
-        )
-
-    if "displacement_deg" in drive.params and drive.get("displacement_deg") != "30":
-        raise CommissioningError(
-            f"displacement_deg = {drive.get('displacement_deg')}: these steps measure a winding "
-            "whose sets are 30 degrees apart"
-        )
 
 
 def _check_limits(drive: DriveVerbs, limits: Limits) -> None:
@@ -132,6 +101,7 @@ class Course:
     begin: Report
     end: Callable[[str, Findings], None]
     pause: bool
+    turns_rev: float
 
     def next(self, step: str, test: Excitation | None = None) -> bool:
         """Whether this step is to be done; then it begins. `test`: its gates are on."""
@@ -145,31 +115,15 @@ class Course:
         return True
 
 
-def _standstill(drive: DriveVerbs, limits: Limits, found: Findings, course: Course) -> None:
+def _induction(drive: DriveVerbs, limits: Limits, found: Findings, course: Course) -> None:
     report = course.report
-    course.next("wiring")
-    with Excitation(drive, limits) as test:
-        try:
-            found.wiring = wires = wiring.check(test)
-        except DriveFault as fault:
-            found.mistakes.append(_tripped(fault, limits))
-            drive.clear()
+    with _wired(drive, limits, found, course, wiring.check) as test:
+        if not test or not found.wiring:
             return
-        found.noise_A = test.noise_A()
-        found.mistakes += wires.mistakes
-        if not wires.mistakes:
-            report("wiring: leads and current sensors are right")
-        course.end("wiring", found)
-        if wires.mistakes:
-            return
-        slow_s = _slow_s(drive)
+        wires, slow_s = found.wiring, _slow_s(drive)
         if course.next("resistance", test):
             found.resistance = resistance.measure(test, wires.xy_per_H, slow_s)
-            report(
-                f"R_s: {found.resistance.mean_ohm:ohm}, phases " + _list(found.resistance.rs_ohm)
-            )
-            report(f"dead time and devices: {found.resistance.mean_lost_V:V} on each leg")
-            course.end("resistance", found)
+            _tell_resistance(found.resistance, course, found)
         if course.next("inductance", test):
             assert found.resistance
             found.inductance = inductance.measure(
@@ -177,6 +131,121 @@ def _standstill(drive: DriveVerbs, limits: Limits, found: Findings, course: Cour
             )
             report(f"sigma L_s: {found.inductance.sigma_ls_H:H}, L_xy: {found.inductance.lxy_H:H}")
             course.end("inductance", found)
+    if course.next("encoder"):
+        _encoder(drive, limits, course.turns_rev, found, report)
+        course.end("encoder", found)
+    if found.mistakes:
+        return
+    if course.next("rotor"):
+        _rotor(drive, limits, found, report)
+        course.end("rotor", found)
+    found.load(drive)
+    if course.next("magnetisation"):
+        assert found.rotor
+        found.magnetisation = running.magnetisation(drive, limits)
+        points = zip(found.magnetisation.flux_Wb, found.magnetisation.ls_H)
+        report("L_s: " + ", ".join(f"{ls:.4g} H at {psi:.3g} Wb" for psi, ls in points))
+        course.end("magnetisation", found)
+        found.load(drive)
+    _mechanics(drive, limits, found, course)
+
+
+def _magnet(drive: DriveVerbs, limits: Limits, found: Findings, course: Course) -> None:
+    report, still = course.report, kinds.at_standstill(drive, limits)
+    with _wired(drive, still, found, course, wiring.check_magnets) as test:
+        if not test or not found.wiring:
+            return
+        wires = found.wiring
+        least, most = (wires.ab_per_H + way * wires.salient_per_H for way in (-1, 1))
+        if course.next("resistance", test):
+            found.resistance = resistance.measure_still(test, wires.xy_per_H, least)
+            _tell_resistance(found.resistance, course, found)
+    if course.next("alignment"):
+        assert found.resistance
+        with Excitation(drive, still, encoder.SLACK * course.turns_rev) as test:
+            found.alignment = answer = alignment.measure(
+                test, found.resistance, course.turns_rev, 1 / least - 1 / most
+            )
+        found.mistakes += answer.mistakes
+        if not answer.mistakes:
+            report(
+                f"encoder: direction and counts are right; it counts 0 at {answer.zero_deg:degrees}"
+                f"; friction leaves {abs(answer.friction_deg):.2g} degrees"
+            )
+        course.end("alignment", found)
+    if found.mistakes:
+        return
+    if course.next("inductance"):
+        assert found.resistance
+        with Excitation(drive, still) as test:
+            found.salient = coils = inductance.measure_magnets(
+                test, found.resistance, (least, most), wires.xy_per_H
+            )
+        report(f"L_d: {coils.ld_H:H}, L_q: {coils.lq_H:H}, L_xy: {coils.lxy_H:H}")
+        found.mistakes += _wrong_saliency(coils)
+        course.end("inductance", found)
+    if found.mistakes:
+        return
+    found.load(drive)
+    if course.next("magnets"):
+        assert found.resistance
+        found.emf = emf.measure(drive, limits, found.resistance.mean_lost_V.value)
+        parts = [f"psi_f: {found.emf.psi_f_Wb:Wb}"]
+        for k, order in enumerate(("fifth", "seventh")[: len(found.emf.harmonics)]):
+            share, angle = found.emf.share(k), found.emf.degrees(k)
+            parts.append(
+                f"{order} harmonic: {100 * share.value:.2g} % ±{100 * share.uncertainty:.2g} at "
+                f"{angle:degrees}"
+            )
+        report(", ".join(parts))
+        course.end("magnets", found)
+        found.load(drive)
+    _mechanics(drive, limits, found, course)
+
+
+_COURSES = {"induction": _induction, "magnet": _magnet}
+
+
+def _wrong_saliency(coils: inductance.Salient) -> list[str]:
+    if not coils.too_much:
+        return []
+    return [
+        f"L_d = {coils.ld_H:H} is above L_q = {coils.lq_H:H}: the firmware drives magnets with L_d "
+        "up to L_q"
+    ]
+
+
+@contextmanager
+def _wired(
+    drive: DriveVerbs,
+    limits: Limits,
+    found: Findings,
+    course: Course,
+    check: Callable[[Excitation], wiring.Wiring],
+) -> Iterator[Excitation | None]:
+    """A test after the step `wiring`, in which the next steps may go on; None if there was a
+    mistake."""
+    course.next("wiring")
+    with Excitation(drive, limits) as test:
+        try:
+            found.wiring = wires = check(test)
+        except DriveFault as fault:
+            found.mistakes.append(_tripped(fault, limits))
+            drive.clear()
+            yield None
+            return
+        found.noise_A = test.noise_A()
+        found.mistakes += wires.mistakes
+        if not wires.mistakes:
+            course.report("wiring: leads and current sensors are right")
+        course.end("wiring", found)
+        yield None if wires.mistakes else test
+
+
+def _tell_resistance(of: resistance.Resistance, course: Course, found: Findings) -> None:
+    course.report(f"R_s: {of.mean_ohm:ohm}, phases " + _list(of.rs_ohm))
+    course.report(f"dead time and devices: {of.mean_lost_V:V} on each leg")
+    course.end("resistance", found)
 
 
 def _tripped(fault: DriveFault, limits: Limits) -> str:
@@ -218,23 +287,16 @@ def _rotor(drive: DriveVerbs, limits: Limits, found: Findings, report: Report) -
     report(f"R_r: {found.rotor.rr_ohm:ohm}, L_m: {found.rotor.lm_H:H}")
 
 
-def _running(drive: DriveVerbs, limits: Limits, found: Findings, course: Course) -> None:
-    report = course.report
-    if course.next("magnetisation"):
-        assert found.rotor
-        found.magnetisation = running.magnetisation(drive, limits)
-        points = zip(found.magnetisation.flux_Wb, found.magnetisation.ls_H)
-        report("L_s: " + ", ".join(f"{ls:.4g} H at {psi:.3g} Wb" for psi, ls in points))
-        course.end("magnetisation", found)
-        found.load(drive)
+def _mechanics(drive: DriveVerbs, limits: Limits, found: Findings, course: Course) -> None:
     if course.next("mechanics"):
         found.mechanics = running.mechanics(drive, limits)
-        report(
+        course.report(
             f"inertia: {found.mechanics.inertia_kgm2:kg m2}, friction: {found.mechanics.dry_Nm:N m}"
             f" and {found.mechanics.viscous_Nms:N m s}"
         )
-        report(f"load: {found.mechanics.curve()}")
+        course.report(f"load: {found.mechanics.curve()}")
         course.end("mechanics", found)
+        found.load(drive)
 
 
 def _slow_s(drive: DriveVerbs) -> float:

@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..plant.vsd import ANGLES_RAD, INVERSE, PHASES, SETS, TRANSFORM
-from .excitation import CommissioningError, Excitation, Samples, half_wave_Hz, on_leg
+from ..plant.vsd import INVERSE, PHASES, SETS, TRANSFORM
+from .excitation import FRAME, CommissioningError, Excitation, Frame, Samples, frame, half_wave_Hz
 from .regression import linear
 
 #: Half-waves of the short wave, fast interrupts. Shorter than the machine's time constants.
@@ -45,21 +45,36 @@ GAIN = 0.2
 #: An order may leave so much unexplained, share of the matrix's rms: readings are noisy, a stator
 #: may be asymmetrical, and small currents lose less to the dead time than large ones.
 UNEXPLAINED = 0.18
+#: Angles between the sets that the firmware knows.
+DISPLACEMENTS_DEG = (30.0, 0.0, 60.0)
 #: Leads are taken as right if no other order has a remainder below this share of theirs.
 BETTER = 0.6
 
-_DELTA = ANGLES_RAD[:, None] - ANGLES_RAD[None, :]
-#: Conductances between the phases of a machine: parts of the alpha-beta and of the x-y plane.
-_AB, _XY = np.cos(_DELTA) / 3, np.cos(5 * _DELTA) / 3
 ORDERS = np.array(list(itertools.permutations(range(6))))
 #: A wave on one leg comes without its star's zero sequence, which is seen if leads of the two stars
 #: are exchanged.
 _APPLIED = INVERSE @ TRANSFORM
+#: Parts of the conductance in a plane: the same along both axes; and, of a salient rotor, the axes'
+#: difference and their coupling.
+_PARTS = (np.eye(2), np.diag([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]))
+
+
+def shapes(winding: Frame = FRAME, salient: bool = False) -> list[np.ndarray]:
+    """Conductances between the phases of a machine, (6, 6) each: of the alpha-beta and of the x-y
+    plane, and of a salient rotor's two further parts in alpha-beta."""
+    t, inverse = winding.transform, winding.inverse
+    return [
+        inverse[:, :2] @ _PARTS[0] @ t[:2], inverse[:, 2:] @ _PARTS[0] @ t[2:],
+        *(inverse[:, :2] @ part @ t[:2] for part in _PARTS[1:] if salient),
+    ]  # fmt: skip
+
+
+_SHAPES = shapes()
 
 
 def machine_per_H(ab_per_H: float, xy_per_H: float) -> np.ndarray:
     """The answer of a machine with these conductances if all is right, (6 channels, 6 legs)."""
-    return (ab_per_H * _AB + xy_per_H * _XY) @ _APPLIED
+    return (ab_per_H * _SHAPES[0] + xy_per_H * _SHAPES[1]) @ _APPLIED
 
 
 @dataclass(frozen=True)
@@ -68,32 +83,64 @@ class Wiring:
     response_per_H: np.ndarray  #: (6 channels, 6 legs): d i/dt over voltage
     ab_per_H: float = 0.0  #: 1/(sigma L_s), roughly
     xy_per_H: float = 0.0  #: 1/L_xy, roughly
+    salient_per_H: float = 0.0  #: by so much 1/L is more and less along a salient rotor's axes
 
 
 def check(test: Excitation) -> Wiring:
     """Sensors and leads; if they seem right, also whether the planes are exchanged."""
-    waves = _waves(test)
-    response = _matrix(waves)
-    if not without_current(response) and (mistakes := one_way(waves, response)):
-        return Wiring(tuple(mistakes), response)
-    found = decide(response)
+    found = _decided(test, _SHAPES)
     if not found.mistakes and exchanged(test, found):
-        swapped = _words(_other_planes(found.response_per_H))
+        swapped = _words(_other_planes(found.response_per_H, _SHAPES))
         return replace(found, mistakes=swapped)
     return found
 
 
-def decide(response: np.ndarray) -> Wiring:
+def check_magnets(test: Excitation) -> Wiring:
+    """The same of a machine whose rotor has magnets and may be salient; and the angle between its
+    sets. The plane with the rotor conducts less: without its own leakage path, the air gap."""
+    own = test.frame
+    believed = shapes(own, True)
+    found = _decided(test, believed)
+    response = found.response_per_H
+    if not without_current(response):
+        left = {deg: _straight(response, frame(deg)) for deg in DISPLACEMENTS_DEG}
+        best = min(left, key=lambda deg: left[deg])
+        other_leads = float(fit(response, np.arange(6), believed).unexplained.min())
+        if left[best] < min(UNEXPLAINED, BETTER * other_leads):
+            line = (
+                f"winding: its sets are {best:g} degrees apart, displacement_deg says "
+                f"{own.displacement_deg:g}: set displacement_deg = {best:g}"
+            )
+            return replace(found, mistakes=(line,))
+    if not found.mistakes and found.ab_per_H > found.xy_per_H:
+        return replace(found, mistakes=_words(_other_planes(response, believed)))
+    return found
+
+
+def _straight(response: np.ndarray, winding: Frame) -> float:
+    """The unexplained share of right leads of a winding with magnets."""
+    return float(fit(response, np.arange(6), shapes(winding, True), ORDERS[:1]).unexplained[0])
+
+
+def _decided(test: Excitation, parts: list[np.ndarray]) -> Wiring:
+    waves = _waves(test)
+    response = _matrix(waves)
+    if not without_current(response) and (mistakes := one_way(waves, response)):
+        return Wiring(tuple(mistakes), response)
+    return decide(response, parts)
+
+
+def decide(response: np.ndarray, parts: list[np.ndarray] = _SHAPES) -> Wiring:
     """The mistakes that the matrix alone shows."""
     every = np.arange(6)
-    fits = fit(response, every)
+    fits = fit(response, every, parts)
     if fits.unexplained.min() < UNEXPLAINED:
         return _leads(response, fits, [])
     if mistakes := without_current(response):
         return Wiring(tuple(mistakes), response)
     mistakes, legs, scale = sensors(response)
     read = np.flatnonzero(scale)
-    fits = fit(response[read] / scale[read, None], legs[read])
+    fits = fit(response[read] / scale[read, None], legs[read], parts)
     if fits.unexplained.min() < UNEXPLAINED:
         return _leads(response, fits, mistakes)
     mistakes.append(
@@ -109,7 +156,8 @@ def _leads(response: np.ndarray, fits: Fits, mistakes: list[str]) -> Wiring:
     if fits.unexplained[0] * BETTER > best:
         chosen = _simplest(fits)
     mistakes = [*mistakes, *_words(ORDERS[chosen])]
-    return Wiring(tuple(mistakes), response, float(fits.ab[chosen]), float(fits.xy[chosen]))
+    ab, xy, *more = (float(part) for part in fits.parts[chosen])
+    return Wiring(tuple(mistakes), response, ab, xy, float(np.hypot.reduce([0.0, *more])))
 
 
 def _simplest(fits: Fits) -> int:
@@ -120,9 +168,9 @@ def _simplest(fits: Fits) -> int:
     return int(alike[np.argmin(moved + 10 * (fits.ab[alike] > fits.xy[alike]))])
 
 
-def _other_planes(response: np.ndarray) -> np.ndarray:
+def _other_planes(response: np.ndarray, parts: list[np.ndarray]) -> np.ndarray:
     """The order that fits with the planes exchanged, as against the straight one."""
-    fits = fit(response, np.arange(6))
+    fits = fit(response, np.arange(6), parts)
     alike = np.flatnonzero(fits.unexplained <= 1.2 * fits.unexplained[0] + 1e-9)
     other = alike[(fits.ab[alike] > fits.xy[alike]) != (fits.ab[0] > fits.xy[0])]
     moved = (ORDERS[other] != np.arange(6)).sum(1)
@@ -178,7 +226,7 @@ def _waves(test: Excitation) -> list[Samples]:
     hertz = half_wave_Hz(test.f_isr_Hz, SHORT_TICKS)
     volts = 0.01 * vdc_V
     while True:
-        waves = [_wave(test, on_leg(leg, volts), hertz) for leg in range(6)]
+        waves = [_wave(test, test.on_leg(leg, volts), hertz) for leg in range(6)]
         largest_A = max(np.abs(_around(wave)).max() for wave in waves)
         if largest_A >= AIM * test.limits.current_A or volts >= test.most_pu * vdc_V:
             break
@@ -296,24 +344,36 @@ def sensors(response: np.ndarray) -> tuple[list[str], np.ndarray, np.ndarray]:
 class Fits:
     """For each order of the leads."""
 
-    ab: np.ndarray  #: conductance of the alpha-beta plane, 1/H
-    xy: np.ndarray
+    parts: np.ndarray  #: (n, parts): conductances, 1/H
     unexplained: np.ndarray  #: rms of what they do not explain, share of the matrix's
 
+    @property
+    def ab(self) -> np.ndarray:
+        return self.parts[:, 0]
 
-def fit(rows: np.ndarray, legs: np.ndarray) -> Fits:
+    @property
+    def xy(self) -> np.ndarray:
+        return self.parts[:, 1]
+
+
+def fit(
+    rows: np.ndarray,
+    legs: np.ndarray,
+    parts: list[np.ndarray] = _SHAPES,
+    orders: np.ndarray = ORDERS,
+) -> Fits:
     """`rows`: answers of sensors on these legs to the wave on each leg, (n, 6)."""
-    p, q = (
-        (plane[ORDERS[:, legs, None], ORDERS[:, None, :]] @ _APPLIED).reshape(len(ORDERS), -1)
-        for plane in (_AB, _XY)
+    columns = np.stack(
+        [
+            (part[orders[:, legs, None], orders[:, None, :]] @ _APPLIED).reshape(len(orders), -1)
+            for part in parts
+        ],
+        -1,
     )
     target = rows.ravel()
-    pp, qq, pq = (p * p).sum(1), (q * q).sum(1), (p * q).sum(1)
-    pt, qt = p @ target, q @ target
-    det = pp * qq - pq * pq
-    ab, xy = (pt * qq - qt * pq) / det, (qt * pp - pt * pq) / det
-    rest = target - ab[:, None] * p - xy[:, None] * q
-    return Fits(ab, xy, np.sqrt((rest * rest).mean(1) / (target * target).mean()))
+    factors = np.linalg.pinv(columns) @ target
+    rest = target - np.einsum("ijk,ik->ij", columns, factors)
+    return Fits(factors, np.sqrt((rest * rest).mean(1) / (target * target).mean()))
 
 
 def _words(order: np.ndarray) -> tuple[str, ...]:

@@ -11,11 +11,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 from ..commissioning.excitation import CommissioningError, Limits
+from ..commissioning.kinds import kind_of
 from ..commissioning.pictures import pictures
 from ..commissioning.plans import plan
 from ..commissioning.regression import Value
 from ..commissioning.result import Findings, set_up_of_board
-from ..commissioning.sequence import commission, default_current_A, with_needs
+from ..commissioning.sequence import commission, default_current_A
 from ..drive.board import BoardDrive
 from ..drive.interface import DriveVerbs
 from ..errors import HexatorqueError
@@ -81,7 +82,7 @@ class Guided:
     ) -> None:
         self.stoppable = Stoppable(drive)
         self.drive = cast(DriveVerbs, self.stoppable)
-        self.steps = with_needs(steps)
+        self.steps = kind_of(drive).with_needs(steps)
         self.state = "measuring"
         self.found: Findings | None = None
         self.written = False
@@ -151,7 +152,7 @@ class Guided:
         self._step = step
         words = plan(self.drive, limits, step, self._choices[1]["turns"])
         self._shown[step] = {"plan": words._asdict(), "lines": [], "values": [], "pictures": []}
-        if not self._run_on:
+        if not self._run_on or step in kind_of(self.drive).asks:
             self._go.clear()
             self._tell("asking")
             self.stoppable.check_halt()
@@ -197,7 +198,7 @@ class Guided:
             "state": self.state, "step": self._step, "problems": self._problems,
             "steps": [{"name": name, **self._shown.get(name, {})} for name in self.steps],
             "values": self._rows(self._known) if found else [],
-            "setup": bool(found and found.rotor), "written": self.written,
+            "setup": bool(found and found.whole()), "written": self.written,
         }  # fmt: skip
 
     def write(self) -> None:
@@ -212,6 +213,7 @@ class Guided:
     def setup_text(self) -> str:
         """A set-up with what was measured, as `board commission --out` writes it."""
         found = self._usable()
-        if not found or not found.rotor:
-            raise LinkError("commissioning: a set-up needs the step rotor at least", mistake=True)
+        if not found or not found.whole():
+            step = kind_of(self.drive).whole
+            raise LinkError(f"commissioning: a set-up needs the step {step} at least", mistake=True)
         return set_up_of_board(found, cast(BoardDrive, self.drive))

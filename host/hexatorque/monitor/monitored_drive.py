@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..commissioning.choices import CHOICES
-from ..commissioning.sequence import STEPS
+from ..commissioning.kinds import kind_of
 from ..drive import parameter_sets
 from ..drive.board import BoardDrive, parameter_set
 from ..drive.parameter_sets import ParameterSetError, Values
@@ -149,7 +149,9 @@ class MonitoredDrive:
             "silent_s": self.dead_man.silent_s,
             "hidden_s": self.dead_man.hidden_s,
             "fresh_s": FRESH_S,
-            "steps": [{"name": name, "help": text} for name, text in STEPS.items()],
+            "steps": [
+                {"name": name, "help": text} for name, text in kind_of(self.drive).steps.items()
+            ],
             "choices": {name: choice._asdict() for name, choice in CHOICES.items()},
             **described.tables(
                 dictionary.parameters,

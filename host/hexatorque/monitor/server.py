@@ -30,7 +30,8 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 
 from ..commissioning.choices import CHOICES, refusal
-from ..commissioning.sequence import STEPS
+from ..commissioning.excitation import CommissioningError
+from ..commissioning.kinds import kind_of
 from ..drive import parameter_sets
 from ..drive.limits import LIMITS
 from ..drive.parameter_sets import ParameterSetError
@@ -491,9 +492,10 @@ def _difference(monitored: MonitoredDrive, body: dict) -> dict:
 def _commission(monitored: MonitoredDrive, body: dict) -> None:
     """Begin a commissioning. What the body does not have follows from the drive's parameters."""
     steps = _field(body, "steps", list, "a list of steps")
-    for step in steps:
-        if step not in STEPS:
-            raise Refused(400, f"steps: no step {step!r}: choose from {', '.join(STEPS)}")
+    try:
+        steps = kind_of(monitored.drive).with_needs(steps)
+    except CommissioningError as error:
+        raise Refused(400, f"steps: {error}") from None
     if not steps:
         raise Refused(400, "steps: choose one at least")
     choices = {name: choice.initial for name, choice in CHOICES.items()}

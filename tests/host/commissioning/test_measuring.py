@@ -10,9 +10,10 @@ from campaigns import SHARE
 from hexatorque import setups
 from hexatorque.commissioning import inductance, resistance, rotor, running, wiring
 from hexatorque.commissioning.excitation import Excitation, Limits, Samples
+from hexatorque.commissioning.kinds import INDUCTION
 from hexatorque.commissioning.regression import Value, linear, nonlinear
 from hexatorque.commissioning.result import Findings, set_up
-from hexatorque.commissioning.sequence import STEPS, commission, with_needs
+from hexatorque.commissioning.sequence import commission
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies import plates
 from hexatorque.plant.vsd import INVERSE, TRANSFORM
@@ -164,8 +165,9 @@ def test_readings_keep_their_age():
 
 
 def test_steps_bring_the_steps_that_they_need():
-    assert with_needs(["inductance"]) == ["wiring", "resistance", "inductance"]
-    assert with_needs(["mechanics"]) == [s for s in STEPS if s != "magnetisation"]
+    steps = INDUCTION.with_needs(["mechanics"])
+    assert INDUCTION.with_needs(["inductance"]) == ["wiring", "resistance", "inductance"]
+    assert steps == [step for step in INDUCTION.steps if step != "magnetisation"]
 
 
 # -- on the machine --------------------------------------------------------------------------

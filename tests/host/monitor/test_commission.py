@@ -57,7 +57,11 @@ def test_a_silent_page_ends_a_step(site, board):
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ({"steps": ["wirin"]}, "steps: no step 'wirin': choose from wiring, resistance"),
+        (
+            {"steps": ["wirin"]},
+            "steps: no step 'wirin' for a machine of the kind induction: choose from wiring, "
+            "resistance",
+        ),
         ({"steps": []}, "steps: choose one at least"),
         ({}, "steps: a list of steps is needed"),
         ({**BEGIN, "turns": 0}, "turns = 0: allowed range is above 0 .. 100"),

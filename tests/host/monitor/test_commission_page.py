@@ -8,7 +8,7 @@ from chromium import PALE, program
 from waiting import until
 
 from hexatorque import setups
-from hexatorque.commissioning.sequence import STEPS
+from hexatorque.commissioning.kinds import INDUCTION
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.monitor import monitored_drive
 from hexatorque.monitor.guided import Guided
@@ -91,7 +91,7 @@ def test_the_guide_leads_through_all_steps(page, site, monkeypatch):
     dead_man.silent_s = dead_man.hidden_s = 600.0  # the simulation delays the page
     readable(page)
     press(page, "#guide-begin")
-    for step in list(STEPS)[:3]:
+    for step in list(INDUCTION.steps)[:3]:
         page.until(f"({GUIDE_STATE}).includes('{step}: waits for you')")
         assert sim.state == "idle"
         plan = page.js(f"document.querySelector('#step-{step} dl').innerText")
@@ -105,7 +105,7 @@ def test_the_guide_leads_through_all_steps(page, site, monkeypatch):
     press(page, "#step-encoder .row button:last-child")  # run on
     page.until(ENDED)
     assert page.js(GUIDE_STATE) == "All steps are done"
-    for step in STEPS:
+    for step in INDUCTION.steps:
         inked = page.js(INKED % step)
         assert inked and min(inked) > 5, step
     rows = page.js(

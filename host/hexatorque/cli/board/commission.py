@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
@@ -19,7 +20,8 @@ from .connection import open_drive, until_signal
     epilog=examples(
         "board commission --current 8 --out mine.toml",
         "board commission --steps wiring --current 2",
-        note="The steps: wiring, resistance, inductance, encoder, rotor, magnetisation, mechanics.",
+        note="The steps: wiring, resistance, inductance, encoder, rotor, magnetisation, mechanics; "
+        "with magnets: wiring, resistance, alignment, inductance, magnets, mechanics.",
     )
 )
 @options.value(
@@ -52,45 +54,54 @@ from .connection import open_drive, until_signal
     type=options.number,
     help="highest speed of the running drive; default: one that takes 0.3 of the dc-link voltage",
 )
+@click.option("--yes", is_flag=True, help="do not ask before magnets turn the shaft")
 @options.file("--out", metavar="FILE.toml", help="a set-up with the measured values")
 @options.board
 @options.as_json
-def commission(steps, current, travel, turns, speed, out, device, baud, as_json) -> int:
+def commission(steps, current, travel, turns, speed, yes, out, device, baud, as_json) -> int:
     """Measure wiring, machine and load, and set the parameters accordingly.
 
     The gates switch. Steps up to `rotor` need a free shaft that may turn a little, `magnetisation`
-    a machine that runs without load. `mechanics` measures friction and a fan's torque. Ctrl-C
-    stops it, and so does the board if this command dies. Wrong wiring ends it with a line for each
-    mistake and exit code 1.
+    a machine that runs without load. `mechanics` measures friction and a fan's torque. With magnets
+    `alignment` turns the shaft, `magnets` runs it without load. Ctrl-C stops it, and so does the
+    board if this command dies. Wrong wiring ends it with a line for each mistake and exit code 1.
     """
     from ...commissioning.excitation import Limits
+    from ...commissioning.kinds import KINDS, kind_of
     from ...commissioning.result import set_up_of_board
-    from ...commissioning.sequence import STEPS, default_current_A, with_needs
     from ...commissioning.sequence import commission as run
+    from ...commissioning.sequence import default_current_A
 
-    wanted = list(STEPS) if steps is None else [part.strip() for part in steps.split(",")]
-    for name in wanted:
-        if name not in STEPS:
-            raise Mistake(f"no step {name!r}: choose from {', '.join(STEPS)}")
-    if out is not None and "rotor" not in wanted and not {"magnetisation", "mechanics"} & {*wanted}:
-        raise Mistake("--out: a set-up needs the step rotor at least")
+    wanted = None if steps is None else [part.strip() for part in steps.split(",")]
+    every = list(dict.fromkeys(step for kind in KINDS for step in kind.steps))
+    for name in wanted or ():
+        if name not in every:
+            raise Mistake(f"no step {name!r}: choose from {', '.join(every)}")
+    wholes = {kind.whole for kind in KINDS} | {"magnetisation", "mechanics"}
+    if out is not None and wanted is not None and not wholes & {*wanted}:
+        raise Mistake(
+            "--out: a set-up needs the step rotor at least, with magnets the step magnets"
+        )
     for name, value in (("travel", travel), ("turns", turns), ("speed", speed)):
         if value is not None and (line := refusal(name, value)):
             raise Mistake(f"--{line}")
     console = console_of(as_json, highlight=False)
-    names = with_needs(wanted)
     with (
         until_signal(at_once=True),
         open_drive(device, baud) as drive,
         working(console, "beginning") as work,
     ):
+        limit_A = default_current_A(drive) if current is None else current
+        limits = Limits(limit_A, travel, speed or 0.0)
+        kind = kind_of(drive)
+        names = kind.with_needs(wanted or tuple(kind.steps))
+        if not yes:
+            _agreed(drive, limits, turns, [step for step in kind.asks if step in names])
 
         def begin(step: str) -> None:
             number = names.index(step) + 1
-            work.begin(f"step {number} of {len(names)}, {step}: {STEPS[step]}")
+            work.begin(f"step {number} of {len(names)}, {step}: {kind.steps[step]}")
 
-        limit_A = default_current_A(drive) if current is None else current
-        limits = Limits(limit_A, travel, speed or 0.0)
         found = run(
             drive,
             limits,
@@ -120,6 +131,17 @@ def commission(steps, current, travel, turns, speed, out, device, baud, as_json)
     if text:
         console.print(f"{out}: measured; next: hexatorque check {out}", markup=False)
     return 1 if found.mistakes else 0
+
+
+def _agreed(drive, limits, turns, steps) -> None:
+    """Tell what the steps do with the shaft, and ask."""
+    from ...commissioning.plans import plan
+
+    for step in steps:
+        words = f"step {step}: the shaft {plan(drive, limits, step, turns).shaft}."
+        if not sys.stdin.isatty():
+            raise Mistake(f"{words} Nobody can be asked: agree with --yes")
+        click.confirm(f"{words} Go on?", abort=True, err=True)
 
 
 def _write(file: Path, text: str) -> None:

@@ -21,7 +21,8 @@ import numpy as np
 
 from ... import setups
 from ...commissioning.excitation import Limits
-from ...commissioning.sequence import STEPS, commission, default_current_A
+from ...commissioning.kinds import INDUCTION
+from ...commissioning.sequence import commission, default_current_A
 from ...drive.simulated import SimulatedDrive
 from ...errors import HexatorqueError
 from ...experiments.operating_points import Progress
@@ -123,7 +124,7 @@ def truth(setup: Setup, dry_Nm: float) -> dict[str, float]:
     }
 
 
-def measured(setup: Setup, steps: Sequence[str] = tuple(STEPS)) -> dict[str, Any]:
+def measured(setup: Setup, steps: Sequence[str] = tuple(INDUCTION.steps)) -> dict[str, Any]:
     """Commission a drive: what was found beside what is true, or why not."""
     sim = Watched(setup, 2)
     design = Design(setup, setup.parameter)
