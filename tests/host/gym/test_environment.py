@@ -190,8 +190,16 @@ def test_many_on_all_cores():
     )
     try:
         seen, _ = envs.reset(seed=[3, 4])
-        alone = [made("voltage", episode_s=0.01).reset(seed=seed)[0] for seed in (3, 4)]
-        assert np.array_equal(seen, alone)
+        alone = [made("voltage", episode_s=0.01) for _ in range(2)]
+        assert np.array_equal(seen, [env.reset(seed=seed)[0] for env, seed in zip(alone, (3, 4))])
+        envs.action_space.seed(5)
+        ended = False
+        while not ended:
+            actions = envs.action_space.sample()
+            *found, _ = envs.step(actions)
+            rows = [env.step(action)[:4] for env, action in zip(alone, actions)]
+            assert all(np.array_equal(one, other) for one, other in zip(found, zip(*rows)))
+            ended = any(row[2] or row[3] for row in rows)
     finally:
         envs.close()
 
