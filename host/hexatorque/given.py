@@ -3,6 +3,7 @@ in Python. Every other module asks this one, so all of them read alike."""
 
 from __future__ import annotations
 
+import codecs
 import difflib
 import re
 from collections.abc import Iterable, Mapping
@@ -94,14 +95,49 @@ def listed(text: str) -> list[str]:
     return [part.strip() for part in parts if part.strip()]
 
 
-def suggest(word: str, known: Iterable[str]) -> str:
+def suggest(word: object, known: Iterable[str]) -> str:
     """The end of a line about an unknown word: the one that was meant, or all there are."""
     known = list(known)
     by_small = {name.lower(): name for name in reversed(known)}
-    small = word.lower()
+    small = str(word).lower()
     close = difflib.get_close_matches(small, by_small, 1)
     close += [name for name in by_small if small and name.startswith(small)]
     return f"; did you mean {by_small[close[0]]!r}?" if close else f"; known: {', '.join(known)}"
+
+
+def decode(raw: bytes) -> str:
+    """The text of a file in UTF-8, UTF-16 or Windows' code page, with any ends of lines."""
+    try:
+        if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            text = raw.decode("utf-16")
+        elif raw[1:2] == b"\0":
+            text = raw.decode("utf-16-le")
+        elif raw[:1] == b"\0":
+            text = raw.decode("utf-16-be")
+        else:
+            try:
+                text = raw.decode("utf-8-sig")
+            except UnicodeDecodeError:
+                text = raw.decode("cp1252", errors="replace")
+    except UnicodeDecodeError:
+        raise InputError("the text ends within a character of UTF-16") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def text_of(path: Path) -> str:
+    """The text of a file, whichever editor wrote it. InputError tells, without the file's name, why
+    there is none."""
+    try:
+        text = decode(path.read_bytes())
+    except FileNotFoundError as error:
+        raise InputError(f"{error.strerror}{other_file(path)}") from None
+    except OSError as error:
+        raise InputError(error.strerror) from None
+    except ValueError:  # a path with a null character
+        text = "\0"
+    if "\0" in text:
+        raise InputError("not a text file")
+    return text
 
 
 def other_file(path: Path) -> str:

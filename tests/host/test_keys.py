@@ -10,10 +10,13 @@ import pytest
 
 import hexatorque
 from hexatorque import firmware, given, setups
+from hexatorque.cli import parameter_sets
 from hexatorque.cli.main import main
 from hexatorque.cli.options import schemes_given
 from hexatorque.errors import InputError
 from hexatorque.setups import paths
+from hexatorque.sweeps import cycle as cycles
+from hexatorque.sweeps import files as studies
 
 PAPER_B = hexatorque.load("paper-b")
 NUMBERS = json.loads(Path(__file__).with_name("numbers.json").read_text(encoding="utf-8"))
@@ -289,14 +292,94 @@ def test_a_drive_takes_keys_and_text_as_a_setup_does():
         drive.get("x")
 
 
-@pytest.mark.parametrize("duration_s", [-1, float("nan"), "long", None])
+@pytest.mark.parametrize("duration_s", [-1, float("nan"), "long", None, np.zeros(2), 10**400])
 def test_time_does_not_run_backwards(duration_s):
     drive = hexatorque.SimulatedDrive(PAPER_B)
-    with pytest.raises(InputError, match=f"duration_s = {duration_s}: a time of 0 s or more"):
+    with pytest.raises(InputError) as told:
         drive.run(duration_s)
+    assert f"duration_s = {duration_s}: a time of 0 s or more" in str(told.value)
+
+
+@pytest.mark.parametrize("after_s", [-1, 3601, 1e99, float("inf"), "soon", np.zeros(2)])
+def test_a_leg_breaks_within_the_longest_simulated_time(after_s):
+    drive = hexatorque.SimulatedDrive(PAPER_B)
+    with pytest.raises(InputError) as told:
+        drive.break_leg("u1", "open", after_s)
+    assert f"after_s = {after_s}: a time of 0 to 3600 s" in str(told.value)
+
+
+@pytest.mark.parametrize("other", ["examples/reversal.toml", None, PAPER_B])
+def test_a_drive_follows_nothing_but_a_profile(other):
+    with pytest.raises(InputError, match=r"a profile is needed, such as .*\.profile$"):
+        hexatorque.SimulatedDrive(PAPER_B).run_profile(other)
+
+
+RECORDED = hexatorque.Recording(10.0, {"a_A": np.arange(20.0), "b_V": np.ones(20)}, {"a_A": "A"})
+
+
+@pytest.mark.parametrize("name", [["a_A", "b_V"], {"a_A": 1}, None, 3])
+@pytest.mark.parametrize("use", ["__getitem__", "plot", "to_pandas"])
+def test_a_channel_s_name_is_text(name, use):
+    assert name not in RECORDED
+    with pytest.raises(InputError, match="no channel"):
+        getattr(RECORDED, use)(name)
+
+
+@pytest.mark.parametrize("time_s", [None, "soon", [1], float("nan")])
+def test_a_window_is_between_two_times(time_s):
+    for window in ((time_s, 1.0), (0.0, time_s)):
+        with pytest.raises(InputError, match="a time in s is needed"):
+            RECORDED.window(*window)
+
+
+def test_a_window_without_an_end_has_all_that_follows():
+    whole = RECORDED.window(float("-inf"), float("inf"))
+    assert np.array_equal(whole["a_A"], RECORDED["a_A"]) and whole.start_s == 0.0
+    assert np.array_equal(RECORDED.window(1.5, float("inf"))["a_A"], np.arange(15.0, 20.0))
+    assert len(RECORDED.window(5.0, 7.0)) == 0
+
+
+def test_a_recording_has_names_with_arrays():
+    with pytest.raises(InputError, match="names with arrays"):
+        hexatorque.Recording(10.0, [1.0, 2.0])
+    with pytest.raises(InputError, match="unknown suffix"):
+        hexatorque.Recording.load("")
 
 
 def test_a_parameter_s_text_is_read_by_the_same_rule():
     table = firmware.parameters()
     assert table["rs_ohm"].parse("1,5") == table["rs_ohm"].parse(np.float64(1.5)) == 1.5
     assert table["scheme"].parse("DDR") == table["scheme"].parse("ddr")
+
+
+DRIVEN = '# Ω, µs\nsetup = "paper-b"\n[machine]\nrs_ohm = 2.5\n'
+STUDIED = (
+    '# Ω\nsetup = "paper-b"\nmetrics = ["torque_Nm"]\n[vary.point]\nspeed_rpm = [100, 200]\n'
+)
+CYCLED = "# µ\ntime_s,speed_rpm,torque_Nm\n0,0,0\n1,100,0.5\n"
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("code", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
+def test_every_editor_s_file_is_read(tmp_path, code, end):
+    def written(name, text):
+        (tmp_path / name).write_bytes(text.replace("\n", end).encode(code))
+        return tmp_path / name
+
+    assert setups.load(written("own.toml", DRIVEN))["machine.rs_ohm"] == 2.5
+    assert "point.speed_rpm" in str(studies.read(written("study.toml", STUDIED)).as_json())
+    assert cycles.read(written("cycle.csv", CYCLED)).speed == (0, 100)
+
+
+@pytest.mark.parametrize("content", [b"\x7fELF\x02\x01\x01\0\0\0", bytes(range(256)), b"\0"])
+def test_a_program_is_no_text(tmp_path, content):
+    for name, read in (
+        ("own.toml", setups.load),
+        ("study.toml", studies.read),
+        ("cycle.csv", cycles.read),
+        ("board.toml", lambda path: parameter_sets.parameter_set(str(path), None)),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match="not a text file") as told:
+            read(tmp_path / name)
+        assert name in str(told.value)

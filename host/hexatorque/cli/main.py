@@ -7,9 +7,11 @@ found what must not be, or a target differs from the host or does not answer;
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import warnings
+from contextlib import suppress
 from typing import Any
 
 import click
@@ -76,12 +78,15 @@ def main(argv: list[str] | None = None) -> int:
     if not sys.warnoptions:
         warnings.showwarning = _nothing
     try:
-        return app.main(
+        code = app.main(
             argv,
             prog_name="hexatorque",
             complete_var=completion.VARIABLE,
             standalone_mode=False,
         )
+        if sys.stdout is not None:
+            sys.stdout.flush()  # here a full disk is still told in one line
+        return code
     except click.Abort:  # before a command began
         complain("interrupted")
         return 130
@@ -91,9 +96,22 @@ def main(argv: list[str] | None = None) -> int:
     except HexatorqueError as error:
         complain(str(error))
         return error.exit_code
+    except BrokenPipeError:  # the reader has seen enough
+        _drop_output()
+        return 1
+    except OSError as error:  # of the output, or of a file that no command expects
+        complain(f"{error.filename or 'output'}: {error.strerror or error}")
+        _drop_output()
+        return 1
     except ArithmeticError as error:  # compiled code of the plant knows no other errors
         complain(str(error))
         return 1
+
+
+def _drop_output() -> None:
+    """What standard output could not take would fail once more when Python ends."""
+    with suppress(OSError), open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 def _nothing(*_: Any, **__: Any) -> None:

@@ -14,6 +14,8 @@ from ..drive.parameter_sets import (
     read,
     write_all,
 )
+from ..errors import InputError
+from ..given import text_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -102,10 +104,9 @@ def parameter_set(source: str, drive: BoardDrive | None) -> ParameterSet:
 def _saved(path: Path) -> dict[str, object] | None:
     """The values of a file of `params save`; None if it is a set-up's."""
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ParameterSetError(f"{path}: {reason}") from None
+        text = text_of(path)
+    except InputError as error:
+        raise ParameterSetError(f"{path}: {error}") from None
     return read(text, str(path))
 
 

@@ -3,12 +3,12 @@
 For the planes' inductances the wave is along one axis, with a larger direct current along the axis
 of the other plane that has the same sizes on every leg: alpha and x, beta and y. So no leg's
 current changes its sign: the lost voltages (step b) stay what they are and drop out of the slopes'
-difference. In the mean of a plane's two axes all phases have the same weight, and so what the
-phases differ by drops out.
+difference. In the mean of a plane's two axes all phases have the same weight, and so their
+differences drop out.
 
 For the phases a wave on each leg in turn gives the slopes of all currents for every direction of
-voltage, less what resistance and lost voltages take. Their inverse is the inductance of the four
-axes: the planes' own, and what the phases' leakages differ by.
+voltage, after the drop of resistance and the lost voltages are taken off. Their inverse is the
+inductance of the four axes: the planes' own, and the differences of the phases' leakages.
 """
 
 from __future__ import annotations
@@ -119,8 +119,8 @@ def _slopes(wave: Samples, axis: int) -> tuple[list[Value], list[np.ndarray]]:
 
 
 def fitted(wave: Samples, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """The current along an axis, and what the fitted slopes make of it. In each half-wave these
-    have the measured mean."""
+    """The current along an axis, measured and by the fitted slopes. In each half-wave both have the
+    same mean."""
     factors, columns = _slopes(wave, axis)
     slopes = sum(factor.value * column for factor, column in zip(factors, columns))
     i = wave.i_vsd_A[:, axis]

@@ -42,10 +42,10 @@ DEAD = 0.15
 ONE_WAY = 0.25
 #: Gains of two channels may differ by this share.
 GAIN = 0.2
-#: What an order may leave unexplained, share of the matrix's rms: readings are noisy, a stator may
-#: be asymmetrical, and small currents lose less to the dead time than large ones.
+#: An order may leave so much unexplained, share of the matrix's rms: readings are noisy, a stator
+#: may be asymmetrical, and small currents lose less to the dead time than large ones.
 UNEXPLAINED = 0.18
-#: Leads are taken as right if no other order leaves less than this share of what they leave.
+#: Leads are taken as right if no other order has a remainder below this share of theirs.
 BETTER = 0.6
 
 _DELTA = ANGLES_RAD[:, None] - ANGLES_RAD[None, :]
@@ -198,7 +198,7 @@ def _wave(test: Excitation, vector_V: np.ndarray, hertz: float) -> Samples:
 
 
 def _around(wave: Samples) -> np.ndarray:
-    """The currents without what was there before the wave."""
+    """The currents less those before the wave."""
     return wave.i_A - wave.i_A[0]
 
 

@@ -34,6 +34,7 @@ from ..plant.pwm import NEVER, pwm_record
 from ..plant.sensors import THERMISTORS, thermistor_ohm, thermistor_share
 from ..plant.vsd import PHASES
 from ..setups import KEYS, Setup, SetupError
+from ..setups.keys import PROFILE
 from . import parts
 from .entry_point import EntryPoint
 from .interface import finite
@@ -262,8 +263,9 @@ class Hardware:
         if kind not in KINDS:
             raise SetupError(f"kind = {kind!r}: choose one of {', '.join(KINDS)}")
         begin_s = finite(after_s)
-        if begin_s is None or begin_s < 0:
-            raise SetupError(f"after_s = {after_s}: a time of 0 s or more is needed")
+        if begin_s is None or not 0 <= begin_s <= PROFILE["duration_s"].max:
+            longest_s = PROFILE["duration_s"].max
+            raise SetupError(f"after_s = {after_s}: a time of 0 to {longest_s:g} s is needed")
         more = breaks.breaks_of(kind, begin_s, 1e-3 * self.setup["inverter.bounce_ms"])
         waiting = self.inverter.coming.n
         if waiting + len(more) > MAX_BREAKS:

@@ -19,17 +19,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, Self, SupportsFloat
+from typing import Any, Self, SupportsFloat
 
 from .. import given
 from ..errors import HexatorqueError, InputError
 from ..firmware import FAULT, IDLE, Parameter, Snapshot, State
 from ..recording.recording import Recording
-from ..setups.values import SetupError
+from ..setups.values import Profile, SetupError
 from .trips import WAY_TO_SPEED, Trip, details, too_fast
-
-if TYPE_CHECKING:
-    from ..setups import Profile
 
 #: Called with the number of seconds that have just passed.
 Progress = Callable[[float], None]
@@ -52,7 +49,10 @@ def finite(value: object) -> float | None:
     value = given.numeric(value)
     if not isinstance(value, SupportsFloat):
         return None
-    number = float(value)
+    try:
+        number = float(value)
+    except (TypeError, OverflowError):  # an array, or a whole number of hundreds of digits
+        return None
     return number if math.isfinite(number) else None
 
 
@@ -227,6 +227,10 @@ class DriveVerbs(ABC):
         """Start the drive and follow a profile, whose time 0 is now. If its first command is a
         start, the drive waits for it. `progress` and `record` are as in `run`. An error names what
         of the profile this drive cannot do."""
+        if not isinstance(profile, Profile):
+            raise InputError(
+                f"{profile!r}: a profile is needed, such as load('examples/reversal.toml').profile"
+            )
         events: list[tuple[float, str, object]] = []
         events += [(t, "speed_ref_rpm", v) for t, v in profile.speed_rpm]
         events += [(t, "load_Nm", v) for t, v in profile.load_Nm]

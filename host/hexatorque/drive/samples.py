@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .. import firmware
+from .. import firmware, system
+from ..errors import InputError
 from ..plant.loop import MORE_CHANNELS, PLANT_CHANNELS
 from ..plant.vsd import PHASES, inverse
 from ..recording.channels import Channels, Held, Later, Product, RowOf
@@ -16,27 +17,30 @@ NOTHING = np.empty((0, 0), np.float32)
 
 class Rows:
     """A table that grows and reuses its memory. New memory pages would take more time than the
-    simulation that fills them."""
+    simulation that fills them.
+
+    used: number of filled rows.
+    """
 
     def __init__(self, width: int) -> None:
         self._data = np.empty((0, width), np.float32)
-        self._used = 0
+        self.used = 0
 
     def room(self, rows: int) -> np.ndarray:
         """The next `rows` rows, which the caller fills."""
-        end = self._used + rows
+        end = self.used + rows
         if end > len(self._data):
             grown = np.empty((max(end, 2 * len(self._data)), self._data.shape[1]), np.float32)
-            grown[: self._used] = self._data[: self._used]
+            grown[: self.used] = self._data[: self.used]
             self._data = grown
-        begin, self._used = self._used, end
+        begin, self.used = self.used, end
         return self._data[begin:end]
 
     def filled(self) -> np.ndarray:
-        return self._data[: self._used]
+        return self._data[: self.used]
 
     def clear(self) -> None:
-        self._used = 0
+        self.used = 0
 
     def hand_over(self) -> np.ndarray:
         """The filled rows, which now belong to the caller."""
@@ -56,19 +60,31 @@ class Samples:
     def __init__(self, per_period: int, displacement_deg: float, more: Sequence[str] = ()) -> None:
         """more: which of `loop.MORE_CHANNELS` there are."""
         self.per_period = per_period
-        width = len(PLANT_CHANNELS) + len(MORE_CHANNELS) * bool(more)
+        self._width = len(PLANT_CHANNELS) + len(MORE_CHANNELS) * bool(more)
         self._columns = [
             (column, name, unit)
             for column, (name, unit) in enumerate((*PLANT_CHANNELS, *MORE_CHANNELS))
             if column < len(PLANT_CHANNELS) or name in more
         ]
         self._phases = inverse(displacement_deg).astype(np.float32)
-        self.plant = Rows(width)
+        self.plant = Rows(self._width)
         self.channels = Rows(len(firmware.channels()))
 
     def room(self, periods: int) -> tuple[np.ndarray, np.ndarray]:
         """The next rows of both, which the caller fills."""
         return self.plant.room(periods * self.per_period), self.channels.room(periods)
+
+    def check_room(self, periods: int, period_s: float) -> None:
+        """InputError if a recording with so many periods more takes over half of this computer's
+        memory. Who saves it has an array for each channel beside the tables."""
+        names = len(PHASES) + len(self._columns) + len(firmware.channels())
+        values = self.per_period * (self._width + names) + len(firmware.channels())
+        room = system.memory_bytes() // 2 // (values * np.float32().itemsize) - self.channels.used
+        if periods > room:
+            raise InputError(
+                f"duration_s = {periods * period_s:g}: this computer has memory for a recording "
+                f"of {max(0, room) * period_s:.1f} s more"
+            )
 
     def clear(self) -> None:
         self.plant.clear()

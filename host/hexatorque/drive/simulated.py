@@ -154,9 +154,11 @@ class SimulatedDrive(Hardware, DriveVerbs):
         progress: Progress | None = None,
     ) -> None:
         """Simulate `duration_s`, and record unless `record` is False. `progress` is called with
-        the simulated seconds that have just passed. InputError if `duration_s` is below 0 or no
-        number, ArithmeticError if the simulation diverges."""
+        the simulated seconds that have just passed. InputError if `duration_s` is below 0, no
+        number, or too long for the memory, ArithmeticError if the simulation diverges."""
         left = round(seconds(duration_s, 0.5 * self.period_s) / self.period_s)
+        if record:
+            self._samples.check_room(left, self.period_s)
         while left > 0:
             n = min(left, CHUNK)
             self._run_chunk(n, record)

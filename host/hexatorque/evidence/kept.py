@@ -10,8 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-#: Of this package, what can change a measured value. Judging, pictures and tables may change
-#: without a new measurement.
+#: The parts of this package that can change a measured value. Judging, pictures and tables may
+#: change without a new measurement.
 MEASURING = (
     "drive", "experiments", "firmware.py", "laws", "plant", "recording", "setups",
     *(f"analysis/{name}.py"

@@ -121,7 +121,7 @@ def _plant(setup: Setup) -> dict[str, str]:
 
 def _made(setup: Setup, token: str) -> str:
     return (
-        "/* What this FMU is of. */\n"
+        "/* The set-up of this FMU. */\n"
         f'#define HT_FMU_TOKEN "{token}"\n'
         f"#define HT_FMU_BOARD ht_board_{setup['timing.device']}\n"
         f"#define HT_FMU_VDC_V ((double){float(setup['inverter.vdc_V'])!r}L)\n"

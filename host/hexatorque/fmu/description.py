@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 from .. import __version__
 from .variables import CHOICE, FLAG, OUTPUT, PARAMETER, REAL, TIME, WHOLE, Variable
 
-#: What a kind of FMU is.
+#: A description of each kind of FMU.
 ABOUT = {
     "controller": "Six-phase drive controller, the firmware with its registers",
     "drive": "Six-phase drive: the firmware with its registers, inverter, machine and sensors",
@@ -112,7 +112,8 @@ def model_description(
     sources: Iterable[str],
 ) -> bytes:
     """The file modelDescription.xml. of: the kind of FMU; version: of FMI, 2 or 3;
-    token: what the binary is asked for; sources: files with code, as `sources` names them."""
+    token: the identity that the binary checks; sources: files with code, as `sources` has
+    them."""
     identity = "guid" if version == 2 else "instantiationToken"
     root = Element(
         "fmiModelDescription",

@@ -14,10 +14,10 @@ TRIP_REWARD = -100.0
 
 class Passed(NamedTuple):
     """The course of a step. plant: true values, a row for each sample, with the columns
-    `hexatorque.plant.loop.PLANT_CHANNELS`; error: what is followed less its reference, (samples,),
-    as a share of the largest reference (torque limit, or the largest speed); i_xy_pu: size of the
-    true x-y current over `i_trip_A`, (samples,); transitions: of all legs; tripped: whether the
-    drive has tripped."""
+    `hexatorque.plant.loop.PLANT_CHANNELS`; error: the controlled value less its reference,
+    (samples,), as a share of the largest reference (torque limit, or the largest speed); i_xy_pu:
+    size of the true x-y current over `i_trip_A`, (samples,); transitions: of all legs;
+    tripped: whether the drive has tripped."""
 
     plant: np.ndarray
     error: np.ndarray

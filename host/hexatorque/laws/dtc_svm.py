@@ -3,7 +3,7 @@ torque, in the frame of the stator flux.
 
 Bojoi, Farina, Griva, Profumo, Tenconi, "Direct torque control for dual three-phase induction motor
 drives", IEEE Trans. Ind. Appl. 41(6), 2005. The structure is the field's; the tuning is ours, the
-rule of scheme `foc`: with the prediction y1, a period adds to torque and flux what is commanded,
+rule of scheme `foc`: with the prediction y1, a period adds the commanded change to torque and flux,
 
     y2 = y1 + a (y* - 2 y1) + J,  J += a^2 (y*' - y),  a = alpha T_s
 
@@ -57,7 +57,7 @@ class Reference(Law):
         memory.flux_Wb += a * a * (memory.flux_before_Wb - abs(seen.sampled_psi_Wb))
         memory.torque_Nm += a * a * (memory.torque_before_Nm - sampled_Nm)
 
-        # gain: what a weber across adds to the torque
+        # gain: the torque of a weber across
         on = turn(seen)
         gain = max(per_Wb * (rotor.conjugate() * along).real, 1e-3)
         radial_Wb = a * (seen.flux_ref_Wb - 2 * size) + memory.flux_Wb
@@ -65,7 +65,7 @@ class Reference(Law):
         wanted_Wb = (size + radial_Wb + 1j * across_Wb) * along * on
         v = ((wanted_Wb - psi) / seen.ts_s + seen.rs_ohm * seen.i_A) / seen.vdc_V
         memory.flux_before_Wb, memory.torque_before_Nm = seen.flux_ref_Wb, seen.torque_ref_Nm
-        if abs(v) > REACH_PU:  # the integrals get what the voltage realises
+        if abs(v) > REACH_PU:  # the integrals get the part that the voltage realises
             cut_Wb = v * (REACH_PU / abs(v) - 1.0) * seen.vdc_V * seen.ts_s
             cut_Wb = cut_Wb * (along * on).conjugate()
             memory.flux_before_Wb += cut_Wb.real / a

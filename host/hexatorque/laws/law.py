@@ -86,7 +86,7 @@ class Law:
 
     @staticmethod
     def step(seen: Any, memory: Any) -> Any:
-        """The pattern of a period. It is a function: it has no `self`, and what it keeps is in
+        """The pattern of a period. It is a function: it has no `self`, and its state is in
         `memory`. It is called once a period while the drive is in RUN.
 
         seen has these fields; alpha-beta is a complex number alpha + j beta, x-y is x + j y, and

@@ -1,11 +1,11 @@
 """A holding brake on the shaft: dry friction while it is closed.
 
 It turns, and the brake takes `closed_Nm` against the motion, or it is held, as if its inertia were
-infinite, until the other torques exceed what the brake holds. The brake follows the firmware's
+infinite, until the other torques exceed the brake's. The brake follows the firmware's
 output: it opens and closes with a delay each.
 
 The torque is constant from step to step. A shaft whose speed passes zero within a step stops at the
-step's end, and what it has then of motion becomes the brake's heat as well.
+step's end, and the energy of its motion becomes the brake's heat as well.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ HOLDING = np.dtype(
         ("pin", PIN),  # high: open
         ("told", "i8"),  # the pin
         ("told_s", "f8"),  # for how long
-        ("closed_Nm", "f8"),  # what it holds now
+        ("closed_Nm", "f8"),  # the torque that it can hold now
         ("held", "i8"),  # whether the shaft is held
         ("angle_rad", "f8"),  # of the shaft at the latest step
-        ("heat_J", "f8"),  # what the brake has taken so far
+        ("heat_J", "f8"),  # the energy that the brake has taken so far
     ]
 )
 

@@ -128,7 +128,7 @@ class Junctions:
     """The temperatures of one inverter's devices, and its drops.
 
     junction_degC: (6, 4) on the legs, in the order of DEVICE_KINDS; sink_degC: of the heat sink;
-    heat_J, ambient_J: what the losses have brought so far, and what has gone to the ambient.
+    heat_J, ambient_J: the energy of the losses so far, and the part that has gone to the ambient.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class Junctions:
 
     @property
     def sink_J(self) -> float:
-        """What the heat sink stores above the ambient."""
+        """The heat that the sink stores above the ambient."""
         v = self._values
         if v["sink_K_W"] == 0:
             return 0.0

@@ -10,7 +10,7 @@ chopper between its two levels, change at instants that the integration locates 
 The energies that flow are integrated beside the voltage, with the same steps.
 
 With a line's frequency the source is a six-pulse rectifier with ideal diodes behind three lines
-that have this resistance and inductance each. v_source is what the rectifier has in the mean
+that have this resistance and inductance each. v_source is the rectifier's mean voltage
 without a current, 3/pi of the line-to-line voltage's peak. While the lines of a set S conduct, at
 the rail u_k = v (upper diode) or 0 (lower):
 

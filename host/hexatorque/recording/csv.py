@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import given
 from . import table
 from .formats import RecordingError, beside, one_line
 from .journal import COUNTERS, TICK_HZ, Stream, ascending, assemble, fill
@@ -113,7 +114,7 @@ def stream_header(stream: Stream, samples: int | None, meta: dict) -> str:
 
 
 def load(path: Path) -> Recording:
-    text = table.decode(path.read_bytes())
+    text = given.decode(path.read_bytes())
     json_file = path.with_suffix(".json")
     try:
         fields = json.loads(json_file.read_text(encoding="utf-8"))

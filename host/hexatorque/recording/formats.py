@@ -76,7 +76,7 @@ def reader(path: Path) -> ModuleType:
     """The module that reads a file: of a closed recording, or of one that was not closed."""
     if path.suffix == PART:
         return import_module(".journal", __package__)
-    return module(path.with_suffix(path.suffix.lower()))
+    return module(path.with_suffix(path.suffix.lower()) if path.suffix else path)
 
 
 def beside(path: Path) -> list[Path]:

@@ -33,7 +33,7 @@ MOST_SHIFT_S = 1e6
 
 @dataclass(frozen=True)
 class Rule:
-    """source: the channel as it is called; target: what it becomes; steps: what is done with its
+    """source: the channel as it is called; target: its new name; steps: the operations on its
     values, from left to right; text: as it was typed."""
 
     source: str

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -84,6 +84,8 @@ class Recording:
     notes: list[str] = field(default_factory=list, compare=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.channels, Mapping):
+            raise RecordingError(f"channels = {self.channels!r}: names with arrays are needed")
         lengths = Channels(self.channels).lengths()
         if len(lengths) > 1:
             raise RecordingError(f"channels of different lengths: {sorted(lengths)}")
@@ -109,22 +111,19 @@ class Recording:
             lines.append(f"meta: {', '.join(self.meta)}")
         return "\n".join([*lines, *self.notes])
 
-    def __contains__(self, name: str) -> bool:
-        return self._own(name) in self.channels
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and self._own(name) in self.channels
 
     def __getitem__(self, name: str) -> np.ndarray:
         """The samples of a channel, (n,), in `units[name]`. RecordingError names the nearest
         channel if there is none of this name."""
-        own = self._own(name)
-        if own not in self.channels:
-            raise RecordingError(f"no channel {name!r}{suggest(str(name), self.channels)}")
-        return self.channels[own]
+        if name not in self:
+            raise RecordingError(f"no channel {name!r}{suggest(name, self.channels)}")
+        return self.channels[self._own(name)]
 
     def _own(self, name: str) -> str:
         """The channel's name in `channels`."""
-        if name in self.channels or not isinstance(name, str):
-            return name
-        return name.removeprefix(FIRMWARE)
+        return name if name in self.channels else name.removeprefix(FIRMWARE)
 
     def plot(self, *names: str, file: str | Path | None = None) -> Figure:
         """Draw channels over time, in a panel each. A name is a channel, such as
@@ -167,7 +166,7 @@ class Recording:
         if not channels:
             quantities = [_quantity(one) for one in self.channels if self.units.get(one, "")]
             known = dict.fromkeys([*self.channels, *quantities])
-            raise RecordingError(f"no channel {name!r}{suggest(str(name), known)}")
+            raise RecordingError(f"no channel {name!r}{suggest(name, known)}")
         lines = [
             Line(
                 f"{one} (true)" if one.startswith(TRUE) else f"{one} (firmware)", self.channels[one]
@@ -220,14 +219,22 @@ class Recording:
 
     def window(self, begin_s: float, end_s: float) -> Recording:
         """The samples with begin_s <= time < end_s, as a view. Outside of the recording there are
-        none."""
-        first = max(0, int(np.ceil((begin_s - self.start_s) * self.rate_Hz - 1e-6)))
-        last = max(first, int(np.ceil((end_s - self.start_s) * self.rate_Hz - 1e-6)))
+        none. RecordingError if one is no number."""
+        first = self._sample_at(begin_s)
+        last = max(first, self._sample_at(end_s))
         part = Channels(self.channels).part(first, last)
         meta, ticks = self.meta, self.ticks
         if ticks is not None and len(ticks):
             meta = {**meta, FIRST_TICK: (int(ticks[0]) + first * meta[DECIMATION]) % 2**32}
         return Recording(self.rate_Hz, part, self.units, meta, self.start_s + first / self.rate_Hz)
+
+    def _sample_at(self, time_s: float) -> int:
+        """The first sample that is not before this time; their number if none is."""
+        try:
+            samples = np.ceil((float(time_s) - self.start_s) * self.rate_Hz - 1e-6)
+            return int(np.clip(samples, 0, len(self)))
+        except (TypeError, ValueError):
+            raise RecordingError(f"{time_s!r}: a time in s is needed") from None
 
     def save(self, path: str | Path) -> Path:
         """Write a file; its suffix decides the format (`formats.SUFFIXES`). Returns the path. An

@@ -9,7 +9,6 @@ row is ever left out.
 
 from __future__ import annotations
 
-import codecs
 import csv
 import re
 from collections import Counter
@@ -63,25 +62,6 @@ CLIPPED = ": the channel was out of range; choose a larger range at the scope"
 MOST_LOST_ROWS = 10**7
 
 
-def decode(raw: bytes) -> str:
-    """The text of a file in UTF-8, UTF-16 or Windows' code page."""
-    try:
-        if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-            text = raw.decode("utf-16")
-        elif raw[1:2] == b"\0":
-            text = raw.decode("utf-16-le")
-        elif raw[:1] == b"\0":
-            text = raw.decode("utf-16-be")
-        else:
-            try:
-                text = raw.decode("utf-8-sig")
-            except UnicodeDecodeError:
-                text = raw.decode("cp1252", errors="replace")
-    except UnicodeDecodeError:
-        raise RecordingError("the text ends within a character of UTF-16") from None
-    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
-
-
 def heading(name: str, unit: str) -> str:
     """A column's heading in the first line. `split` is the inverse."""
     return f"{name} [{unit}]" if unit or split(name) != (name, "") else name
@@ -107,7 +87,7 @@ class Table:
 
     names: the cells of the line of names; begin: where the rows begin in `text`; line: the number
     of that line; first: the first of its columns, as a header may stand left of it; headings: names
-    and units; start_s, step_s: what the header says of the time.
+    and units; start_s, step_s: the time axis by the header.
     """
 
     text: str

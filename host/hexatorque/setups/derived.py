@@ -3,8 +3,8 @@
 Each rule is a row of a table: the parameter, the rule in words, and its formula. `hexatorque
 setups FILE` shows the words.
 
-There are two tables. The rules of ALWAYS hold in every set-up: the controller is told what the
-machine, the inverter, the sensors and the timing are. The rules of OPEN design what is left open,
+There are two tables. The rules of ALWAYS hold in every set-up: the controller gets the values of
+machine, inverter, sensors and timing. The rules of OPEN design the parameters that are left open,
 and hold only if the set-up says `defaults = "derived"`. That is so unless a file, or the one from
 which it starts, says `defaults = "firmware"`. The set-ups of the papers do: their results were
 measured with the firmware's defaults for what the papers do not print, and a value that is
@@ -327,7 +327,7 @@ def _flux_ref_Wb(k: Known) -> float:
         return 0.9 * USABLE * REACH_PU * k.vdc_V / (m.pole_pairs * rad_s(speed_rpm))
 
     loaded_rpm = max((one.speed_rpm for one in k.asked), default=0.0)
-    # What is asked for may need more: at low speed the voltage lets it, on the way up the field is
+    # Point and profile may need more: at low speed the voltage lets it, on the way up the field is
     # weakened.
     needed_Wb = max(
         pulled_Wb(MOST_OF_PULL_OUT), min(pulled_Wb(ASKED_OF_PULL_OUT), turned_Wb(loaded_rpm))

@@ -174,8 +174,8 @@ class Design:
 
     @cached_property
     def rated_Nm(self) -> float:
-        """The stated rated torque; else what the stated rated current gives; else what point and
-        profile ask; else what a share of the sensors' range gives."""
+        """The stated rated torque; else that of the stated rated current; else the largest that
+        point and profile ask; else that of a share of the sensors' range."""
         stated_Nm, stated_A = self.setup["rated.torque_Nm"], self.setup["rated.current_A"]
         if stated_Nm > 0:
             return stated_Nm
@@ -228,7 +228,7 @@ class Design:
 
     def most_torque_Nm(self, speed_rpm: float, voltage_V: float) -> float:
         """The torque at which the firmware limits its reference at this speed if the flux is
-        weakened to what this voltage turns."""
+        as weak as this voltage needs it."""
         omega = self.machine.pole_pairs * rad_s(speed_rpm)
         most_A = 0.8 * self.parameter("i_trip_A")
         return self.machine.most_torque_Nm(omega, self.flux_Wb, voltage_V, most_A, PULL_OUT_SHARE)

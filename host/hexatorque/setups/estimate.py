@@ -1,11 +1,11 @@
-"""The circuit of a machine from what its plate says, and from what is typical of its power.
+"""The circuit of a machine from its plate, and from the values that are typical of its power.
 
-A plate decides less than the circuit has. With the power factor it gives the losses, and what the
-rotor, iron and friction leave of them is the stator's: a small difference of large numbers. The
-estimate of R_s is therefore half-way (in the logarithm) between that and what published machines
-of this power have. Without the power factor it is theirs alone, and the losses follow from it. The
-leakage is theirs unless the plate has the pull-out torque. R_r and L_m then follow: the circuit
-takes the rated current and gives the rated torque at the rated speed.
+A plate does not decide the whole circuit. With the power factor it gives the losses. Those of the
+stator remain when rotor, iron and friction are taken off: a small difference of large numbers. The
+estimate of R_s is therefore half-way (in the logarithm) between that and the resistance of
+published machines of this power. Without the power factor it is theirs alone, and the losses follow
+from it. The leakage is theirs unless the plate has the pull-out torque. R_r and L_m then
+follow: the circuit takes the rated current and gives the rated torque at the rated speed.
 
 The range of each value is as wide as these estimates err for published machines, each estimated
 from the others (tests/host/setups/test_published.py).
@@ -38,12 +38,12 @@ MOST_FACTOR = 0.94
 #: One that is told is not above this, nor one that follows from the efficiency. It leaves two
 #: thirds of the reactive current that any published machine takes.
 MOST_TOLD = 0.97
-#: Efficiency times power factor is not below what is typical by more than this factor, and the slip
-#: neither below nor above by more than these. Of the published machines the furthest is about half
-#: as far away.
+#: Efficiency times power factor is not below the typical value by more than this factor, and the
+#: slip neither below nor above its own by more than these. Of the published machines the furthest
+#: is about half as far away.
 PRODUCT_FACTOR = 1.75
 SLIP_BELOW, SLIP_ABOVE = 8.0, 5.1
-#: So near to what is typical are numbers that may have been meant.
+#: Numbers so near to the typical one may have been meant.
 PRODUCT_NEAR, SLIP_NEAR = 1.35, 4.0
 #: Efficiency times power factor of a machine of which they are not told.
 PRODUCT = 0.75
@@ -94,8 +94,8 @@ def example(machine: Machine, iron: float, friction: float) -> Example:
 
 @cache
 def examples(machine: Machine) -> tuple[Example, Example]:
-    """With losses of iron and friction, and without: what is printed of a circuit has neither, a
-    real plate has both."""
+    """With losses of iron and friction, as a real plate has them, and without, as a printed circuit
+    is."""
     return example(machine, IRON.value, FRICTION.value), example(machine, 0.0, 0.0)
 
 

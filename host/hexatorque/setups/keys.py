@@ -1,4 +1,4 @@
-"""Every quantity of a set-up, once: what it is, its unit, its range, its default.
+"""Every quantity of a set-up, once: its meaning, its unit, its range, its default.
 
 The controller's parameters are not here: the firmware's own table defines them.
 """
@@ -17,7 +17,7 @@ from ..plant.wires import ENCODER_WIRES
 
 #: Where a value comes from.
 TAGS = ("paper", "assumed", "estimated", "measured", "tuned")
-#: Of a value that `hexatorque new` takes from what is usual: the true one may be far from it.
+#: Of a usual value that `hexatorque new` takes: the true one may be far from it.
 ESTIMATED = TAGS[2]
 #: The same, for values that the user's own file or command line gives.
 USER = "user"
@@ -57,8 +57,8 @@ def _four(help: str, unit: str, low: float, high: float, default: tuple[float, .
 #: beyond it a two-pole flux has fewer than ten periods of 10 kHz for a turn. Largest torque.
 MOST_V, MOST_RPM, MOST_NM = 5e4, 6e4, 1e5
 
-#: L_xy over the stator leakage, as pitch and slots make it: the least, and what is taken where
-#: nobody has measured it. The largest is 1, and this is the geometric mean.
+#: L_xy over the stator leakage, as pitch and slots make it: the least, and the one that is taken
+#: where nobody has measured it. The largest is 1, and this is the geometric mean.
 LXY_LEAST, LXY_SHARE = 0.3, 0.55
 
 #: Everything a set-up holds besides the controller's parameters, which the

@@ -8,7 +8,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from ..given import choice, other_file, suggest
+from ..errors import InputError
+from ..given import choice, suggest, text_of
 from ..plant.machines import MODELS
 from .keys import KEYS, MODEL, SECTIONS, missing
 from .setup import Setup
@@ -32,7 +33,7 @@ def load(name_or_path: str | Path) -> Setup:
         return parse(builtin_text(text), text)
     path = Path(name_or_path)
     try:
-        return parse(text_of(path), path.stem, path.parent)
+        return parse(source_of(path), path.stem, path.parent)
     except SetupError as error:
         if not path.suffix and not path.exists():
             raise
@@ -52,16 +53,14 @@ def builtin_text(name: str) -> str:
     return (resources.files(__package__) / "builtin" / f"{name}.toml").read_text(encoding="utf-8")
 
 
-def text_of(path: Path) -> str:
+def source_of(path: Path) -> str:
     """The content of a set-up's file."""
     if not path.suffix and not path.exists():
-        raise SetupError(f"no set-up {str(path)!r}{suggest(str(path), builtin_names())}")
+        raise SetupError(f"no set-up {str(path)!r}{suggest(path, builtin_names())}")
     try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise SetupError(f"{error.strerror}{other_file(path)}") from None
-    except (OSError, ValueError) as error:
-        raise SetupError(getattr(error, "strerror", None) or "not a text file") from None
+        return text_of(path)
+    except InputError as error:
+        raise SetupError(str(error)) from None
 
 
 def toml_of(source: str) -> dict[str, Any]:

@@ -15,7 +15,7 @@ tell them apart. With the phase voltage V_ph = V/sqrt 3 and the slip s:
 2. The circuit has no iron losses: its active current is that of gap power and copper.
 3. With the stator leakage X the voltage at the gap is E = V_ph - (R_s + jX) I. The rotor's branch
    R_r/s + jX, with the same leakage, takes P_gap from E: a quadratic equation for R_r/s. The
-   magnetising branch takes what is left of the reactive current.
+   magnetising branch takes the rest of the reactive current.
 4. X is found by bisection, so that the circuit has the assumed ratio of pull-out torque to rated
    torque.
 

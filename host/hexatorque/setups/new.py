@@ -91,8 +91,8 @@ TWO_VOLTAGES = (
     "two voltages or currents, as 230/400 and 6/3.5, are a three-phase machine's plate: give "
     "voltage_V and current_A of one connection, as 400 and 3.5, and phases=3"
 )
-#: Of db-dtfc where the leakage is an estimate. One period moves the torque by s k times what is
-#: missing, s being this share and k the sigma L_s in use over the machine's, and the law sees it a
+#: Of db-dtfc where the leakage is an estimate. One period moves the torque by s k times its
+#: error, s being this share and k the sigma L_s in use over the machine's, and the law sees it a
 #: period later. It is stable for s (k - 1) < 1, and two periods of a step make k s (2 - s) of it,
 #: before the law sees any: with this share 1.2 times the step for k = 2.3, in the end 1.25 times.
 #: The regulators of foc have the same bandwidth.

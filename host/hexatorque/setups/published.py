@@ -1,11 +1,11 @@
-"""Published machines, and what is typical of a machine by its power.
+"""Published machines, and the values that are typical of a machine by its power.
 
 `data/published_machines.csv` has plates and circuits of three-phase machines as their sources have
 them, star equivalent, with an empty field where the source says nothing. In units of the rated
 voltage and current of a phase a machine is the same whether it is wound with one set or with two,
 so they stand for six-phase machines as well.
 
-A line through the logarithms over that of the power gives what is typical. It is the line of
+A line through the logarithms over that of the power gives the typical value. It is the line of
 Theil and Sen, through the medians, so that a few odd machines do not draw it away.
 """
 

@@ -1,4 +1,4 @@
-"""A set-up that has been checked, and what can be asked of it."""
+"""A set-up that has been checked, and its functions."""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@
 No leg stays high or low for less than the dead time and `min_pulse_us` together. A modulated leg
 that would takes its rail or this pulse; a word of a switching table that would lasts so long or is
 left out. The firmware's own functions do it here with the voltage of a steady state. The controller
-knows what became of it and corrects it later: what is changed becomes ripple, and a part of the
-mean.
+knows the voltage that was applied and corrects it later: the change becomes ripple, and a part of
+it an error of the mean.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Words = tuple[Sequence[int], tuple[float, float, float]]
 
 @dataclass(frozen=True)
 class Changed:
-    """share: rms of the voltage's change over the rms of what is asked for; volts: the same.
+    """share: rms of the voltage's change over the rms of the demanded one; volts: the same.
     most_us: the longest `min_pulse_us` that changes no more than was asked about; below 0 if even
     the dead time alone changes more."""
 

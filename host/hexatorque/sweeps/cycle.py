@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import InputError
 from ..setups import Setup, SetupError
 from ..setups.keys import MOST_NM, MOST_RPM
 from .errors import StudyError
@@ -86,20 +87,18 @@ def ready() -> list[str]:
 
 def read(name: str | Path) -> Cycle:
     """The cycle in a file, or the one of this name that comes with the package."""
-    from ..given import suggest
+    from ..given import suggest, text_of
 
     path = Path(name)
     if str(name) in ready():
         text = (resources.files(__package__) / "cycles" / f"{name}.csv").read_text(encoding="utf-8")
     elif not path.suffix and not path.exists():
-        raise StudyError(f"cycle {name}: there is none{suggest(str(name), ready())}")
+        raise StudyError(f"cycle {name}: there is none{suggest(name, ready())}")
     else:
         try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, ValueError) as error:
-            raise StudyError(
-                f"cycle {name}: {getattr(error, 'strerror', None) or 'no text file'}"
-            ) from None
+            text = text_of(path)
+        except InputError as error:
+            raise StudyError(f"cycle {name}: {error}") from None
     return _parsed(path.stem, text)
 
 

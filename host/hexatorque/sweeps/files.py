@@ -8,8 +8,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from ..errors import HexatorqueError
-from ..given import suggest
+from ..errors import HexatorqueError, InputError
+from ..given import suggest, text_of
 from ..setups import SetupError, load
 from ..setups.loading import beside
 from . import cycle
@@ -52,11 +52,11 @@ def _text(path: Path) -> str:
     if str(path) in ready():
         return (resources.files(__package__) / "ready" / f"{path}.toml").read_text(encoding="utf-8")
     if not path.suffix and not path.exists():
-        raise StudyError(f"no study{suggest(str(path), ready())}")
+        raise StudyError(f"no study{suggest(path, ready())}")
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise StudyError(getattr(error, "strerror", None) or "no text file") from None
+        return text_of(path)
+    except InputError as error:
+        raise StudyError(str(error)) from None
 
 
 def read(path: Path | str, changes: Mapping[str, Any] | None = None) -> Study:

@@ -356,7 +356,7 @@ def check_words(names: Sequence[str], known: Iterable[str], what: str) -> None:
     known = list(known)
     for name in names:
         if name not in known:
-            raise StudyError(f"unknown {what} {name!r}{suggest(str(name), known)}")
+            raise StudyError(f"unknown {what} {name!r}{suggest(name, known)}")
     if len(set(names)) < len(names):
         twice = next(name for name in names if list(names).count(name) > 1)
         raise StudyError(f"{what} {twice!r} is there twice")

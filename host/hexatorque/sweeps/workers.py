@@ -60,7 +60,7 @@ class Workers(Protocol):
         """End what works on an overdue task."""
 
     def close(self) -> None:
-        """End the workers without waiting for what is under way."""
+        """End the workers without waiting for the runs under way."""
 
 
 # -- processes on this machine ---------------------------------------------------------------

@@ -33,6 +33,11 @@ def usable_cores() -> int:
     return os.cpu_count() or 1  # macOS
 
 
+def memory_bytes() -> int:
+    """The memory of this computer."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
 def has_screen() -> bool:
     """Whether a browser would have a window."""
     if sys.platform == "darwin":

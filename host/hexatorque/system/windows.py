@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import getpass
 import msvcrt
 import os
@@ -29,6 +30,22 @@ assert sys.platform == "win32"
 def usable_cores() -> int:
     """The cores that this process may use."""
     return os.cpu_count() or 1
+
+
+class _MemoryStatus(ctypes.Structure):
+    """MEMORYSTATUSEX of the Windows API."""
+
+    _fields_ = [("length", ctypes.c_uint32), ("load_percent", ctypes.c_uint32)] + [
+        (name, ctypes.c_uint64)
+        for name in ("physical", "free", "pages", "free_pages", "virtual", "free_virtual", "rest")
+    ]
+
+
+def memory_bytes() -> int:
+    """The memory of this computer."""
+    status = _MemoryStatus(length=ctypes.sizeof(_MemoryStatus))
+    ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))
+    return int(status.physical)
 
 
 def has_screen() -> bool:

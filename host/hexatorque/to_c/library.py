@@ -17,7 +17,7 @@ from .plant import CODE
 
 
 def build(files: dict[str, str], folder: Path, compiler: str, *more: str) -> Library:
-    """Compile what has been translated. more: options and sources for the compiler."""
+    """Compile the translated functions. more: options and sources for the compiler."""
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
     path = folder / "libplant.so"

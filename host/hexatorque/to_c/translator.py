@@ -156,7 +156,7 @@ class Value:
 
 @dataclass(frozen=True)
 class Made:
-    """A translated function. known: what it returns in any case, if that is a known value."""
+    """A translated function. known: its value in any case, if it returns a known one."""
 
     name: str
     returns: Any

@@ -109,7 +109,7 @@ def read_points(text: str) -> list[Where]:
 
 
 def check_points(setup: Setup, points: Sequence[Where]) -> None:
-    """Refuse what no drive of this set-up can hold."""
+    """Refuse points that no drive of this set-up can hold."""
     limit_Nm = float(setup.parameter("torque_limit_Nm"))
     trip_rpm = float(setup.parameter("speed_trip_rpm"))
     for point in points:

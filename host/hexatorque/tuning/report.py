@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import firmware
 from ..setups import SetupError, builtin_names, parameters
-from ..setups.loading import builtin_text, text_of
+from ..setups.loading import builtin_text, source_of
 from ..setups.paths import CONTROLLER
 from ..setups.values import Value
 from . import space
@@ -36,7 +36,7 @@ def setup_text(tuned: Tuned, source: str) -> str:
     """The user's file, or the built-in set-up, with the tuned values and those that the command
     gave, and all else as it was. `source`: its name or path."""
     built_in = source in builtin_names()
-    text = builtin_text(source) if built_in else text_of(Path(source))
+    text = builtin_text(source) if built_in else source_of(Path(source))
     from ..setups import load
     from . import edit
 

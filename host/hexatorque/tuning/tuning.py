@@ -91,7 +91,7 @@ class Outcome:
 @dataclass(frozen=True)
 class Tuned:
     """start, best: before and after; best is start if nothing better holds. errors: for each error
-    of a parameter what it does before and after tuning, "" if the drive holds. refused: better
+    of a parameter its effect before and after tuning, "" if the drive holds. refused: better
     candidates that an error of a parameter makes trip or lose a point."""
 
     request: Request
@@ -225,9 +225,9 @@ class Judge:
 
 
 def wrong(setup: Setup, key: str, factor: float) -> Setup:
-    """The controller takes this parameter of the machine for `factor` times what it was set to. The
+    """The controller takes this parameter of the machine for `factor` times its value. The
     machine stays. An error of L_m is one of L_r as well, and with magnets one of L_q is one of L_d.
-    With INERTIA it is the machine that has another one, and the controller that stays."""
+    With INERTIA the machine has another one, and the controller stays."""
     if key == INERTIA:
         values = {n: v for n, v in parameters(setup).items() if n not in TIMING_OWNS}
         stays = {f"controller__{name}": value for name, value in values.items()}

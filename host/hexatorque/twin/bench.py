@@ -46,7 +46,7 @@ class Bench:
     periods from there to the first one of the slow loop;
     outside: another instrument than the board has recorded; its currents are those of the machine
     and not those of the sensors; torque_known, speed_known: whether they are recorded;
-    notes: what the recording does not carry, and what is taken instead."""
+    notes: the values that the recording does not carry, and their substitutes."""
 
     label: str
     samples: dict[str, np.ndarray]
@@ -155,7 +155,7 @@ def _is_outside(rec: Recording) -> bool:
 
 
 def _completed(rec: Recording, setup: Setup, speed_rpm: float | None) -> Recording:
-    """With the constants that take the place of what is not recorded."""
+    """With the constants that take the place of channels that are not recorded."""
     rest = {"speed_rpm": setup["point.speed_rpm"] if speed_rpm is None else speed_rpm}
     rest["torque_ref_Nm"] = 0.0  # it follows from the shaft later on
     more = {name: np.full(len(rec), value) for name, value in rest.items() if name not in rec}
@@ -296,8 +296,8 @@ def _in_slow_periods(
     values: dict[str, object],
     of_periods: Callable[[np.ndarray, np.ndarray, int], np.ndarray],
 ) -> Bench:
-    """slow: fast periods in a slow one; of_periods: the value in each slow period of what the slow
-    interrupt sets."""
+    """slow: fast periods in a slow one; of_periods: the value in each slow period of a channel that
+    the slow interrupt sets."""
     slow = round(slow)
     f_isr_Hz = float(setup.parameter("f_isr_Hz"))
     at = np.arange(len(rec)) * (f_isr_Hz / rec.rate_Hz)
@@ -335,8 +335,8 @@ def _in_slow_periods(
 
 
 def _within(speed_rpm: np.ndarray) -> np.ndarray:
-    """Mean speed in rad/s of the periods. What a slow interrupt measures is that of the period
-    before it."""
+    """Mean speed in rad/s of the periods. A slow interrupt measures that of the period before
+    it."""
     return np.append(speed_rpm[1:], speed_rpm[-1]) * np.pi / 30
 
 

@@ -24,7 +24,7 @@ class Candidate:
 
     keys: the set-up's, which the change concerns; step: change with which the simulation is tried,
     large against the noise; low, high: changes that can be meant; apply: the changed set-up;
-    prepare: what is changed in the simulated drive instead; vdc: true dc-link voltage over the
+    prepare: a change of the simulated drive instead; vdc: true dc-link voltage over the
     measured one."""
 
     name: str
@@ -133,18 +133,18 @@ PROBES: tuple[Candidate, ...] = tuple(
 
 
 def _has(model: str, one: Candidate) -> bool:
-    """Whether a machine of this model has what the candidate changes."""
+    """Whether a machine of this model has the keys that the candidate changes."""
     of_machine = [key.removeprefix("machine.") for key in one.keys if key.startswith("machine.")]
     return set(of_machine) <= constants_of(model)
 
 
 def suitable(model: str, outside: bool, torque_known: bool) -> tuple[Candidate, ...]:
-    """The parameters of a machine of this model that can differ, by what has recorded and what is
-    recorded."""
+    """The parameters of a machine of this model that can differ. They depend on the instrument
+    and on the recorded channels."""
     found = tuple(one for one in CANDIDATES if _has(model, one)) + (PROBES if outside else ())
     if torque_known:
         return found
-    # Without a torque reference, the load is what the simulated drive is asked for.
+    # Without a torque reference, the simulated drive is asked for the load's torque.
     return tuple(
         replace(one, shaft_only=False, adds_torque=True) if one.name == "load" else one
         for one in found

@@ -622,8 +622,8 @@ class _Nominal:
         return moved
 
     def shaft_effect(self, name: str) -> np.ndarray:
-        """More inertia, friction or load: the recorded speed needs more torque. So the bench's
-        value would rise, and what the simulation has to be is less."""
+        """The effect of more inertia, friction or load. The recorded speed then needs more torque:
+        the bench's value rises, and the residual falls."""
         found = []
         for quantity, used in self.used.items():
             values = np.zeros_like(self.mean[quantity])

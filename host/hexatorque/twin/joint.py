@@ -32,9 +32,9 @@ FAR = 10.0
 ALIKE = 0.9
 
 Changes = Sequence[tuple[Candidate, float]]
-#: What a simulation with these changes differs by from the one without, in expected noises: all of
-#: it, and without the quantities that only scatter; or why there is no simulation. The number
-#: chooses the noise.
+#: The difference between a simulation with these changes and one without, in units of the expected
+#: noise: of all quantities, and without those that only scatter; or why there is no simulation. The
+#: number chooses the noise.
 Simulate = Callable[[Changes, int], tuple[np.ndarray, np.ndarray] | str]
 
 
@@ -213,7 +213,7 @@ class Search:
         inverse = np.linalg.pinv(self._normal(some, effects), rcond=1e-12, hermitian=True)
         size = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
         spread = np.sqrt(max(1.0, float(rest @ rest) / len(rest)))
-        # What the quantities pull, each as a whole: the windows of one are not independent, and
+        # The pull of each quantity as a whole: the windows of one are not independent, and
         # the noise of a quantity may be larger than expected.
         pulls = np.array([effects[:, own] @ rest[own] for own in self.groups])
         count = len(self.groups)

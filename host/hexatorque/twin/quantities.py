@@ -27,7 +27,7 @@ TURNS = 1.0
 
 @dataclass(frozen=True)
 class Quantity:
-    """unit; about: what it tells; columns: how many numbers a window has of it."""
+    """unit; about: its use; columns: how many numbers a window has of it."""
 
     unit: str
     about: str
@@ -79,7 +79,7 @@ def _mean(values: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
 
 
 def _ripple(values: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
-    """rms of the change from sample to sample: what is quick, not what moves with the drive."""
+    """rms of the change from sample to sample: the quick part, not the drive's own motion."""
     steps = np.diff(values, prepend=values[:1])
     return np.sqrt(_mean(np.abs(steps) ** 2, which, n) / 2)
 
@@ -96,7 +96,7 @@ def compute(
 ) -> dict[str, np.ndarray]:
     """samples: channels; which: window of each sample, -1 for none; outside_step_s: step of a
     recording by another instrument than the board, which knows no flux. Returns name -> (windows,
-    columns); what the channels do not give is not among them."""
+    columns), as far as the channels give them."""
     if outside_step_s is not None:
         return _outside(samples, which, pole_pairs, outside_step_s)
     n = int(which.max()) + 1
@@ -175,7 +175,7 @@ def _all(samples: Mapping[str, np.ndarray], phases: tuple[str, ...]) -> bool:
 
 
 def _phases(samples: Mapping[str, np.ndarray]) -> np.ndarray:
-    """(6, n): a phase that is not recorded is what the isolated neutral leaves for it."""
+    """(6, n). A phase that is not recorded follows from the isolated neutral."""
     known = {p: np.asarray(samples[f"i_{p}_A"], float) for p in PHASES if f"i_{p}_A" in samples}
     for phases in SETS:
         for phase in phases:

@@ -2,8 +2,8 @@
 had, its shaft turns as the bench's shaft did, its dc link has the voltage that the bench measured.
 The flux reference follows from the parameters, in the simulation as on the bench.
 
-The speed loop stays open. Closed, it would hide what is looked for: a wrong inertia or load would
-only be another torque reference. With the bench's reference and speed, what is wrong in the set-up
+The speed loop stays open. Closed, it would hide the error: a wrong inertia or load would
+only be another torque reference. With the bench's reference and speed, an error of the set-up
 shows in currents, flux, slip, the adapted resistances and the torque at the shaft.
 """
 
@@ -85,14 +85,14 @@ def replay(
     angle_rad = sim.plant_state[7] + (0, 1, -1)[late // LATER % 3] * _unknown_rad(bench)
     for k in range(bench.periods):
         begin, end = bench.omega_rad_s[k : k + 2]
-        if not bench.outside:  # what the slow interrupt measures is how far the shaft has turned
+        if not bench.outside:  # the slow interrupt measures the angle that has passed
             more = CORRECTED * (angle_rad - sim.plant_state[7]) / bench.slow_s
             begin, end = begin + more, end + more
             angle_rad += bench.mean_rad_s[k] * bench.slow_s
         follower.step(bench.torque_ref_Nm[k], bench.vdc_V[k], begin, end)
     sim.check()
     rec = sim.take()
-    if bench.outside:  # what the machine has, not what the sensors make of it
+    if bench.outside:  # the machine's own values, not the sensors'
         plant = {n: rec[f"plant.{n}"] for n in bench.samples if f"plant.{n}" in rec}
         channels = {n: np.reshape(d, (-1, per)).mean(axis=1) for n, d in plant.items()}
     else:
@@ -112,8 +112,8 @@ class _Follower:
         self.closed, self.more_Nm = closed, 0.0
 
     def step(self, torque_Nm: float, vdc_V: float, begin_rad_s: float, end_rad_s: float) -> None:
-        """One period of the slow loop. The load is what lets the shaft reach `end_rad_s`; what the
-        torque is off, the next period corrects."""
+        """One period of the slow loop. Its load lets the shaft reach `end_rad_s`. The next period
+        corrects the error of its torque."""
         if self.closed:
             off_rad_s = self.sim.plant_state[6] - begin_rad_s
             self.more_Nm -= CORRECTED * self.inertia_kgm2 * off_rad_s / self.slow_s

@@ -13,7 +13,7 @@ NO_LOAD: Load = ((float("-inf"), 0.0),)
 
 
 def per_window(values: np.ndarray, which: np.ndarray) -> np.ndarray:
-    """Means over the windows of what is known for each period of the slow loop; -1 is no window."""
+    """Means over the windows of a value for each period of the slow loop; -1 is no window."""
     n = int(which.max()) + 1
     good = which >= 0
     return np.bincount(which[good], values[good], n) / np.bincount(which[good], minlength=n)

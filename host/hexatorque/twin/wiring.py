@@ -63,7 +63,7 @@ def check(
 
 
 def _place(name: str, other: str, off_deg: float) -> str:
-    """One phase at the wrong place, and what it may be instead."""
+    """One phase at the wrong place, and the places that it may be at instead."""
     wanted = float(np.degrees(AXIS_RAD[name] - AXIS_RAD[other]))
     at = wanted - off_deg  # how far it lags
     text = (

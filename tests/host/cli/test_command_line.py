@@ -1,5 +1,6 @@
 """The tree of commands: its names, its help, its completion and its error messages."""
 
+import errno
 import os
 import shlex
 import shutil
@@ -353,3 +354,27 @@ sys.exit(main(["noisy"]))
 """
     with Forked(["-c", program], pipes=("stdout", "stderr")) as process:
         assert process.communicate() == ("R_r 1.5 Ω\n", "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+@pytest.mark.parametrize("words", [["setups"], ["setups", "--schema"], ["--help"], ["--version"]])
+def test_a_full_disk_under_the_output_is_told_in_one_line(words):
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "hexatorque", *words],
+            stdout=full, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+    assert done.stderr == f"hexatorque: output: {os.strerror(errno.ENOSPC)}\n"
+    assert done.returncode == 1
+
+
+@pytest.mark.parametrize("words", [["setups"], ["setups", "--schema"], ["--version"]])
+def test_a_reader_that_has_seen_enough_is_no_mistake(words):
+    read, write = os.pipe()
+    os.close(read)
+    with open(write, "wb") as closed:
+        done = subprocess.run(
+            [sys.executable, "-m", "hexatorque", *words],
+            stdout=closed, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+    assert (done.returncode, done.stderr) == (1, "")

@@ -1,12 +1,16 @@
 """Recordings of a simulation own their samples."""
 
 import pickle
+import re
+from pathlib import Path
 
 import numpy as np
+import pytest
 
-from hexatorque import setups
+from hexatorque import InputError, firmware, setups, system
 from hexatorque.drive.samples import Rows
 from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.plant.loop import PLANT_CHANNELS
 from hexatorque.plant.vsd import INVERSE, PHASES
 
 
@@ -65,3 +69,32 @@ def test_a_recording_knows_the_speed_references_of_its_time():
     own = float(setups.load("paper-a-feasible").parameter("speed_ref_rpm"))
     assert first.meta["speed_ref_rpm"] == [[0.0, own], [0.0, 50.0]]
     assert sim.take().meta["speed_ref_rpm"] == [[0.01, 200.0]]
+
+
+def test_a_recording_never_takes_more_than_half_of_the_memory(monkeypatch):
+    monkeypatch.setattr(system, "memory_bytes", lambda: 20_000_000)
+    sim = SimulatedDrive("paper-a-feasible")
+    sim.run(0.02)
+    with pytest.raises(
+        InputError, match=r"duration_s = 3600: .* recording of \d\.\d s more"
+    ) as told:
+        sim.run(3600.0)
+    most_s = float(re.search(r"of (\S+) s more", str(told.value))[1])
+    assert sim.time_s == pytest.approx(0.02)  # refused before it begins
+    sim.run(most_s - 0.05)
+    with pytest.raises(InputError, match=r" 0\.[01] s more"):
+        sim.run(0.2)
+    taken = sim.take()
+    arrays = sum(taken[name].nbytes for name in taken.channels)  # each channel has its own
+    tables = 4 * len(taken) * len(PLANT_CHANNELS) + len(taken) * len(firmware.channels())
+    assert 9.5e6 < arrays + tables <= 10e6
+    assert len(taken) == 4 * round((0.02 + most_s - 0.05) / sim.period_s)
+    sim.run(most_s - 0.1)  # the next recording has as much room again
+
+
+def test_the_memory_of_this_computer_is_that_of_its_own_account():
+    told = Path("/proc/meminfo")
+    if not told.exists():
+        pytest.skip("Linux tells it there")
+    kB = int(re.search(r"MemTotal:\s+(\d+)", told.read_text(encoding="utf-8"))[1])
+    assert system.memory_bytes() == pytest.approx(1024 * kB, rel=0.01)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hexatorque.given import decode
 from hexatorque.recording import table
 from hexatorque.recording.csv import _plain
 from hexatorque.recording.recording import RecordingError
@@ -198,7 +199,7 @@ def test_what_is_written_is_read(layout, data):
 def test_any_encoding_and_line_end(layout, encoded):
     text = written(layout)
     raw = text.replace("\n", "\r\n").replace("[us]", "[µs]").encode(encoded)
-    found, wanted = read(table.decode(raw)), read(text)
+    found, wanted = read(decode(raw)), read(text)
     assert (found.rate_Hz, found.start_s) == (wanted.rate_Hz, wanted.start_s)
     for name in wanted.channels:
         np.testing.assert_array_equal(found[name], wanted[name])

@@ -120,7 +120,7 @@ def scaling(setup: Setup) -> dict[str, float]:
         for _ in study.rows(jobs=jobs):
             times_s.append(time.perf_counter())
             memory_MB = max([memory_MB, *workers_MB()])
-        # The first row of each worker is the start: what loads and what is compiled.
+        # The first row of each worker is the start: loading and compiling.
         found[name] = (len(times_s) - jobs) / (times_s[-1] - times_s[jobs - 1])
         found["worker_MB"] = memory_MB
     return found

@@ -45,7 +45,7 @@ WITHOUT_A_LEG = {
 
 def write_trace(setup: Setup, path: Path) -> np.ndarray:
     """The input of `count_main.c`; returns the telemetry channels at its end. The capture
-    unit is not among what is kept: speed by edges per time."""
+    unit is not among the kept registers: speed by edges per time."""
     setup = setup.changed(controller__speed_period_rpm=0.0)
     sim = SimulatedDrive(setup, 1, WatchedController)
     controller = sim.controller

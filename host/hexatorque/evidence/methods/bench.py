@@ -3,7 +3,7 @@
 So nothing waits for a speed loop, and a setting costs about a second of simulated time. The drive
 starts at standstill, builds its flux, and follows the speed up to the point; then the torque
 reference is corrected twice until the mean torque is the one that was asked for. The bench holds
-the speed by its inertia: from what the speed changes, the mean torque follows exactly.
+the speed by its inertia: from the change of speed, the mean torque follows exactly.
 """
 
 from __future__ import annotations

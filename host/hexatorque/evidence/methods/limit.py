@@ -4,7 +4,7 @@ switching frequency (docs/model.md, "The limit of all pulse patterns").
 A pattern repeats itself while the voltage stands still. Its ripple is closed: the mean product of
 two legs' ripple volt-seconds is the sum over their edges of +-K(t_i - t_j), K = -B_4/24. Free are
 all edges, how many pulses each leg has, whether a leg of a set stays on a rail, and how often
-the pattern comes at each angle of the voltage. What is found is a local optimum from many starts.
+the pattern comes at each angle of the voltage. The result is the best local optimum of many starts.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Patterns:
     """n patterns. legs_pu (n, 6): the legs' voltages without zero sequence, in units of V_dc;
     pulses (n, 6): of each leg in a pattern; rails (n, 2): of each set, 1: its largest leg stays up,
     -1: its smallest leg stays down, 0: the zero sequence is free; weights (n, 6, 6): of the mean
-    products of the legs' ripple volt-seconds in what is minimised.
+    products of the legs' ripple volt-seconds in the cost.
 
     A pattern's free values x: of each leg the instant of its first edge, then the logarithms of
     its pulses' and of its gaps' shares; last, for each set, where the zero sequence is in its
@@ -139,7 +139,7 @@ class Patterns:
         return self.weights[:, leg][:, :, leg] * signs[:, :, None] * signs[:, None, :] * size
 
     def costs(self, x: np.ndarray, of_edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) what is minimised, and (n, free) its slopes."""
+        """(n,) the cost, and (n, free) its slopes."""
         times, up, gap, duty, by_logit = self._edges(x)
         apart, y = self._between(times)
         weighted = of_edges * y

@@ -37,7 +37,7 @@ AIM = 0.985
 QUICK_WINDOW_S = 0.1
 #: No limit of the sampling frequency.
 ANY_HZ = 1e9
-#: What a setting raises that the drive refuses.
+#: The errors of a setting that the drive refuses.
 REFUSED = (SetupError, FirmwareError)
 
 

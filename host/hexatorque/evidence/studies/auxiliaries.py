@@ -78,7 +78,7 @@ def cool(sim: SimulatedDrive) -> str:
 
 
 def stuck_cool(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-    """One of the two goes on reading what it reads, while its place becomes hot."""
+    """One of the two keeps its reading, while its place becomes hot."""
     place = str(rng.choice(PLACES))
     sim.break_thermistor(place, "stuck")
     _heat(sim, place, float(rng.uniform(165.0, 200.0)))

@@ -267,7 +267,7 @@ def above(scheme: str, setup: str, seed: int) -> Result:
 
 
 def always_off(scheme: str, setup: str, seed: int) -> Result:
-    """No lower switch may complete what has failed."""
+    """No lower switch may complete a short circuit through a switch that has failed."""
     rng = np.random.default_rng(seed)
     result = Result(ALWAYS_OFF, firmware.RUN, scheme, setup)
     sim, _, _ = _about_ceiling(result, ABOVE_CEILING, 0.2, rng)

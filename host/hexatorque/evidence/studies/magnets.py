@@ -38,7 +38,7 @@ INERTIA = (0.7, 1.3)
 #: one.
 HARMONICS, COGGING = (0.05, 0.03, 0.015, 0.01), 0.02
 #: The highest speed, over the one at which current flows once the gates are off. The drive trips
-#: at 0.95 of what the sheet says of that one, and the speed rises when the load drops.
+#: at 0.95 of that one by the sheet, and the speed rises when the load drops.
 OF_CEILING = 0.75
 
 

@@ -78,7 +78,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
 
 
 def failures(result: dict) -> list[str]:
-    """Points that could not be measured; what is measured has no limit."""
+    """Points that could not be measured; the measured values have no limit."""
     return [
         f"{row['variant']}, {row['speed_rpm']:.0f} r/min, {row['min_pulse_us']:g} us: "
         f"{row['error']}"

@@ -1,4 +1,4 @@
-"""True machines, and what a user is told of them, whatever their kind."""
+"""True machines, and the data of them that a user is told, whatever their kind."""
 
 from __future__ import annotations
 
