@@ -353,9 +353,7 @@ def test_a_parameter_s_text_is_read_by_the_same_rule():
 
 
 DRIVEN = '# Ω, µs\nsetup = "paper-b"\n[machine]\nrs_ohm = 2.5\n'
-STUDIED = (
-    '# Ω\nsetup = "paper-b"\nmetrics = ["torque_Nm"]\n[vary.point]\nspeed_rpm = [100, 200]\n'
-)
+STUDIED = '# Ω\nsetup = "paper-b"\nmetrics = ["torque_Nm"]\n[vary.point]\nspeed_rpm = [100, 200]\n'
 CYCLED = "# µ\ntime_s,speed_rpm,torque_Nm\n0,0,0\n1,100,0.5\n"
 
 

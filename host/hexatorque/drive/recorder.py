@@ -27,13 +27,15 @@ COUNT_S = 1.0
 
 
 class Recorder:
-    """writer: the file; samples: the number of rows so far."""
+    """writer: the file; samples: the number of rows so far; stops: texts for the metadata, one for
+    each time that the dead man of the pages stopped the drive."""
 
     def __init__(self, drive: BoardDrive, path: str | Path, stream: Stream) -> None:
         channels = tuple((name, stream.units[name]) for name in stream.channels)
         kind = journal.Stream(channels, stream.f_isr_Hz, stream.decimation, meta=drive.meta())
         self._drive, self._stream = drive, stream
         self.samples = 0
+        self.stops: list[str] = []
         self._before = self._counters()
         self.writer = Writer.open(path, kind, drive.clock())
         self._begun_s = self._counted_s = time.monotonic()
@@ -75,6 +77,8 @@ class Recorder:
         with suppress(LinkError):  # a disconnected board has no newer counters
             self._drive.client.get_status()
         self.count()
+        if self.stops:
+            meta["stops"] = self.stops
         return self.writer.close(ended, **meta)
 
     def __enter__(self) -> Recorder:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from ..commissioning.choices import CHOICES
@@ -46,7 +47,8 @@ FLOAT32 = 3.5e38
 
 class MonitoredDrive:
     """Traces, captures, records and commands one drive. `close` stops the drive if it was started
-    here. It does not close the `BoardDrive`."""
+    here. It does not close the `BoardDrive`. `say` gets each event that no page asked for, such as
+    a stop by the dead man."""
 
     def __init__(
         self,
@@ -54,8 +56,10 @@ class MonitoredDrive:
         folder: Path,
         silent_s: float = SILENT_S,
         hidden_s: float = HIDDEN_S,
+        say: Callable[[str], None] | None = None,
     ) -> None:
         self.drive = drive
+        self._say = say
         self.dead_man = DeadMan(silent_s, hidden_s)
         self.values: dict[str, str | float] = {}
         self.values_version = 0
@@ -114,6 +118,12 @@ class MonitoredDrive:
 
     def _tell(self, text: str) -> None:
         self.notice = text
+        if self._say:
+            self._say(text)
+
+    def _tell_of_stop(self, text: str) -> None:
+        self.traces.note_stop(text)
+        self._tell(text)
 
     def _move(self) -> None:
         """The thread that moves samples."""
@@ -395,7 +405,7 @@ class MonitoredDrive:
         self.stop(reason)
         latest = self.drive.client.latest
         at = f" at tick {latest.tick}" if latest else ""
-        self.notice = f"stopped{at}: {reason}"
+        self._tell_of_stop(f"stopped{at}: {reason}")
 
     def _tell_of_silence(self) -> None:
         """The drive was stopped because the monitor itself did not run for a while."""
@@ -403,8 +413,9 @@ class MonitoredDrive:
         if stopped and stopped is not self._told:
             self._told = stopped
             self.dead_man.ended()
-            self.notice = f"stopped at tick {stopped.tick}: {stopped.why('the monitor')}"
-            self._halt(self.notice)
+            text = f"stopped at tick {stopped.tick}: {stopped.why('the monitor')}"
+            self._tell_of_stop(text)
+            self._halt(text)
 
     # -- a reset of the board ------------------------------------------------------------------
 

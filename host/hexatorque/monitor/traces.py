@@ -337,6 +337,12 @@ class Traces:
             recorder, self.recorder = self.recorder, None
             return recorder.close("user")
 
+    def note_stop(self, text: str) -> None:
+        """The drive was stopped, and no page asked for it: a recording tells when and why."""
+        with self.lock:
+            if self.recorder:
+                self.recorder.stops.append(text)
+
     def end_recording(self, why: str) -> None:
         """Close the recording, if there is one; `why` is the reason."""
         with self.lock:

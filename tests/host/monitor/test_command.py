@@ -35,6 +35,22 @@ def test_a_monitor_that_ends_stops_the_drive_and_closes_the_recording(monitor, p
     assert len(Recording.load(answer["file"])) > 500
 
 
+def test_terminal_and_recording_tell_that_no_page_answered(monitor):
+    from hexatorque.recording.recording import Recording
+
+    with monitor.page(answer=lambda sent_s: None) as frame:
+        _, answer = monitor.post("/record/start", {"suffix": ".csv"})
+        run_drive(monitor, frame)
+        end = time.monotonic() + WAIT_S
+        while not (notice := frame().get("status", {}).get("notice", "")):
+            assert time.monotonic() < end
+        assert "no page answered" in notice
+        code, said = monitor.end(signal.SIGINT)
+    assert code == 0
+    assert said.count(f"hexatorque: {notice}\n") == 1
+    assert Recording.load(answer["file"]).meta["stops"] == [notice]
+
+
 def test_the_drive_of_a_killed_monitor_stops(monitor, port):
     """The port server stops it."""
     from hexatorque.drive.board import BoardDrive

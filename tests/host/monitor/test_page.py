@@ -413,6 +413,39 @@ def test_no_words_lie_on_others(page, wide):
             assert found == [], (view, state, faults)
 
 
+#: Choices that are longer than the room for them beside the arrow.
+CUT_OFF = """[...document.querySelectorAll('select')].flatMap((e) => {
+  if (!e.checkVisibility()) return [];
+  const style = getComputedStyle(e);
+  const pen = document.createElement('canvas').getContext('2d');
+  pen.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
+  const room = e.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight) - 20;
+  return [...e.options].filter((o) => pen.measureText(o.text).width > room)
+    .map((o) => `${e.id || e.getAttribute('aria-label')}: ${o.text}`);
+})"""
+
+
+@pytest.mark.parametrize("wide", [1024, 1440])
+def test_choices_are_read_whole(page, wide):
+    page.size(wide, 720)
+    for panel in ("drive", "channels", "parameters", "capture"):
+        tab(page, panel)
+        assert page.js(CUT_OFF) == [], panel
+
+
+def test_the_page_says_whether_a_recording_began_or_ended(page):
+    """Also if the answer to the click comes after the new status."""
+    page.js("(() => { const ask = window.fetch; window.fetch = async (...what) => {"
+            "const answer = await ask(...what);"
+            "if (String(what[0]).includes('record/')) await new Promise((go) => setTimeout(go, 600)"
+            "); return answer; }; })()")  # fmt: skip
+    said = "document.querySelector('#toasts').lastChild?.textContent"
+    page.click("#record")
+    page.until(f"({said})?.startsWith('recording to')")
+    page.click("#record")
+    page.until(f"({said})?.startsWith('recorded')")
+
+
 def test_a_recording_can_be_seen_and_ended_in_every_view(page):
     page.click("#record")
     page.until("document.querySelector('#record').getAttribute('aria-pressed') === 'true'")

@@ -11,6 +11,7 @@ from ... import system
 from .. import options
 from ..group import examples
 from ..options import Mistake
+from ..output import complain
 from .connection import open_drive, until_signal
 
 
@@ -39,7 +40,7 @@ def monitor(port, no_browser, output, device, baud) -> int:
     with (
         until_signal() as ended,
         open_drive(device, baud) as drive,
-        MonitoredDrive(drive, output) as monitored,
+        MonitoredDrive(drive, output, say=complain) as monitored,
     ):
         try:
             server = Server(monitored, port)

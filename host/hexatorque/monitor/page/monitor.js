@@ -310,10 +310,11 @@ function tools() {
   $("see-capture").addEventListener("click", () => see("capture"));
   $("see-guide").addEventListener("click", () => see("guide"));
   $("record").addEventListener("click", async () => {
-    const done = status.record
+    const ends = Boolean(status.record); // the status is another one when the answer comes
+    const done = ends
       ? await order("/record/stop")
       : await order("/record/start", { suffix: $("suffix").value });
-    if (done) toast(`${status.record ? "recorded" : "recording to"} ${done.file}`);
+    if (done) toast(`${ends ? "recorded" : "recording to"} ${done.file}`);
   });
   let resized = 0;
   new ResizeObserver(() => {
