@@ -36,6 +36,7 @@ from hexatorque.monitor.traces import FRESH_S, HISTORY_S, HISTORY_VALUES, MEAN_S
 from hexatorque.plant.breaks import breaks_of
 from hexatorque.plant.legs import KINDS
 from hexatorque.plant.load_kinds import LOADS
+from hexatorque.plant.loop import MORE_CHANNELS, PLANT_CHANNELS
 from hexatorque.plant.vsd import PHASES
 from hexatorque.recording.recording import FORMAT
 from hexatorque.results import RESULTS
@@ -65,6 +66,8 @@ MOST_BYTES = 150_000
 SETUPS = ("paper-b", "paper-a", "symmetrical")
 #: Room for the name of a register (HT_REGFILE_LINE).
 LINE = 64
+#: What a row of the plant's true values has room for.
+TRUE_VALUES = (*PLANT_CHANNELS, *MORE_CHANNELS)
 #: Edges of a contact that opens, as many as ht_web.c has room for.
 MOST_OPENS = 8
 
@@ -124,6 +127,9 @@ class Held:
             "name": self.name,
             "title": self.setup.title,
             "device": device,
+            "plant": [
+                f"plant.{name}" for name in [*dict(PLANT_CHANNELS), *self.sim._more_channels()]
+            ],
             "ranges": {
                 name: [row.min, row.max]
                 for name, row in here.items()
@@ -183,6 +189,10 @@ def tables(of: list[Held]) -> dict:
         "version": __version__,
         "format": FORMAT,
         "device": device,
+        "plant": [
+            {"name": f"plant.{name}", "unit": unit, "help": "the plant's true value"}
+            for name, unit in TRUE_VALUES
+        ],
         "at_work": [state.at_work for state in firmware.STATE_TABLE],
         "idle": firmware.IDLE,
         "fault": firmware.FAULT,
@@ -219,7 +229,8 @@ def module(of: Held) -> bytes:
         def linked(stack_bytes: int) -> bytes:
             command = [
                 *COMPILER, *OPTIONS, f"-Wl,-z,stack-size={stack_bytes}",
-                "-DHT_GATES_ACTIVE_LOW=0", *(f"-I{path}" for path in places),
+                "-DHT_GATES_ACTIVE_LOW=0", f"-DWEB_PLANT_CHANNELS={len(TRUE_VALUES)}",
+                *(f"-I{path}" for path in places),
                 "-o", str(output), *map(str, code), "-lm",
             ]  # fmt: skip
             done = subprocess.run(command, capture_output=True, text=True)

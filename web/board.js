@@ -84,11 +84,12 @@ export class Board {
       const n = Math.min(Math.floor(this.left), MOST_PERIODS);
       const first = this.drive.periods + 1;
       const rows = this.drive.run(n);
+      const plant = this.drive.plant(n);
       this.left -= n;
-      const { width } = this.drive;
       for (let k = (this.decimation - (first % this.decimation)) % this.decimation; k < n; k += this.decimation) {
-        this.ring.push((first + k) / this.decimation, (c) => rows[k * width + this.places[c]]);
-        this.record(first + k, rows, k * width);
+        const values = this.traces.map((value) => value(rows, plant, k));
+        this.ring.push((first + k) / this.decimation, values);
+        this.record(first + k, values);
         this.pace.samples += 1;
       }
     }
@@ -155,11 +156,11 @@ export class Board {
 
   trace(names, rate_Hz) {
     if (this.recorded) throw new Error("channels: end the recording first");
-    const places = names.map((name) => this.drive.names.indexOf(name));
-    if (places.includes(-1)) throw new Error("channels: there is none of one of these names");
+    const traces = names.map((name) => this.drive.column(name));
+    if (traces.includes(null)) throw new Error("channels: there is none of one of these names");
     if (!names.length) throw new Error("channels: choose one at least");
     this.traced = names;
-    this.places = places;
+    this.traces = traces;
     this.decimation = Math.max(1, Math.round(this.f_isr_Hz / (rate_Hz ?? this.f_isr_Hz)));
     this.rate_Hz = this.f_isr_Hz / this.decimation;
     const room = Math.floor(this.tables.history_values / names.length);
@@ -174,11 +175,11 @@ export class Board {
     this.view = new View(this.ring, this.rate_Hz, Number(query.window_s), Number(query.bins));
   }
 
-  record(tick, rows, at) {
+  record(tick, values) {
     const { recorded } = this;
     if (!recorded) return;
     recorded.tick ??= tick;
-    recorded.columns.forEach((column, c) => column.push(rows[at + this.places[c]]));
+    recorded.columns.forEach((column, c) => column.push(values[c]));
     recorded.rows += 1;
     if (recorded.rows * recorded.columns.length >= RECORDED_VALUES) {
       this.notice = "recording ended: it is as long as this page can keep";
@@ -197,7 +198,8 @@ export class Board {
   }
 
   columns(names, values) {
-    const units = new Map(this.tables.device.channels.map((row) => [row.name, row.unit]));
+    const { device, plant } = this.tables;
+    const units = new Map([...device.channels, ...plant].map((row) => [row.name, row.unit]));
     return names.map((name, k) => ({ name, unit: units.get(name), values: values[k] }));
   }
 
@@ -280,10 +282,10 @@ export class Board {
         return { ...row, min, max };
       }),
       device: drive.setup.name, build: tables.version, minor: 1, port: "this page", baud: 0, watchdog_ms: 0,
-      stream_channels: drive.width, capture_channels: CAPTURE_CHANNELS, memory: MEMORY, history_s: tables.history_s,
+      stream_channels: drive.width + drive.setup.plant.length, capture_channels: CAPTURE_CHANNELS, memory: MEMORY, history_s: tables.history_s,
       silent_s: 0, hidden_s: 0, fresh_s: tables.fresh_s, steps: [], choices: {},
       plant: {
-        ...this.plant, setup: drive.setup.name, phases: tables.phases, set: drive.set,
+        ...this.plant, channels: tables.plant.filter(({ name }) => drive.setup.plant.includes(name)), setup: drive.setup.name, phases: tables.phases, set: drive.set,
         setups: tables.setups.map(({ name, title }) => ({ name, title })),
       },
     };
@@ -407,15 +409,17 @@ const REQUESTS = {
     return { file };
   },
   /** A drive of its own over a course: [period, method of Drive, ...its arguments] in order. All its
-   * channels, and how long it took. */
+   * channels, the plant's true values, and how long it took. */
   "/course"(board, { setup, periods, course }) {
     const drive = board.make(setup);
     const all = new Float32Array(periods * drive.width);
+    const plant = new Float32Array(periods * drive.plantNames.length);
     let done = 0;
     const pass = (until) => {
       while (done < until) {
         const n = Math.min(until - done, MOST_PERIODS);
         all.set(drive.run(n), done * drive.width);
+        plant.set(drive.plant(n), done * drive.plantNames.length);
         done += n;
       }
     };
@@ -426,7 +430,7 @@ const REQUESTS = {
     }
     pass(periods);
     const took_s = (performance.now() - began_ms) / 1e3;
-    return { rows: encode(all), took_s, time_s: drive.time_s, violations: drive.c.web_violations() };
+    return { rows: encode(all), plant: encode(plant), took_s, time_s: drive.time_s, violations: drive.c.web_violations() };
   },
   "/plant"(board, { load_Nm, open }) {
     if (load_Nm !== undefined) {

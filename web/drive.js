@@ -31,6 +31,7 @@ export class Drive {
     const { parameters, channels } = tables.device;
     this.ids = new Map(parameters.map((row, id) => [row.name, id]));
     this.names = channels.map((row) => row.name);
+    this.plantNames = tables.plant.map((row) => row.name);
     this.faultsAt = this.names.indexOf("faults");
     const result = this.c.web_begin();
     if (result) throw new Error(`${this.setup.name}: ${tables.results[result]}`);
@@ -82,6 +83,21 @@ export class Drive {
       throw new Error(String.fromCharCode(...raw.subarray(0, raw.indexOf(0))));
     }
     return new Float32Array(this.c.memory.buffer, this.c.web_channels(), periods * this.width);
+  }
+
+  /** The plant's true values at the beginning of the latest call's periods: rows of
+   * `plantNames`, as `run` has them. */
+  plant(periods) {
+    return new Float32Array(this.c.memory.buffer, this.c.web_plant(), periods * this.plantNames.length);
+  }
+
+  /** Where a run has the values of a channel, as a function of the row; null: there is none. */
+  column(name) {
+    const own = this.names.indexOf(name);
+    if (own >= 0) return (rows, _, k) => rows[k * this.width + own];
+    if (!this.setup.plant.includes(name)) return null;
+    const place = this.plantNames.indexOf(name);
+    return (_, plant, k) => plant[k * this.plantNames.length + place];
   }
 
   // -- commands --------------------------------------------------------------------------

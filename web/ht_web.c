@@ -67,6 +67,7 @@ static struct {
     uint32_t memory[CAPTURE_VALUES];
     int64_t periods;
     float channels[MOST_PERIODS * CHANNELS];
+    float plant[MOST_PERIODS * WEB_PLANT_CHANNELS];
     uint16_t ids[HT_PARAMS];
     float values[HT_PARAMS];
     uint16_t at; /* ht_drive_write's */
@@ -204,6 +205,13 @@ float *API(web_channels)(void)
     return w.channels;
 }
 
+/* The plant's true values at the beginning of each period of the latest web_run, WEB_PLANT_CHANNELS in
+ * a row. tools/web.py tells how many there are, and their names. */
+float *API(web_plant)(void)
+{
+    return w.plant;
+}
+
 /* Let up to MOST_PERIODS pass. Their channels are at web_channels, a row for each. Returns 0, or 1:
  * the plant stopped, web_failure tells why. */
 int32_t API(web_run)(int32_t n, int32_t faults_channel)
@@ -212,13 +220,16 @@ int32_t API(web_run)(int32_t n, int32_t faults_channel)
     struct plant_chip chip = {&w.now.map, &w.now.pwm, &w.now.gates, w.chip.word,
                               (uint64_t)(uintptr_t)&w.drive};
     struct plant_samples samples;
-    int64_t never = INT64_MAX;
+    int64_t instants[] = {0, INT64_MAX}; /* sample_instants(1, ...) of the simulation */
     int64_t longest;
     int failed = 0;
     uint16_t k;
     n = (n < MOST_PERIODS) ? n : MOST_PERIODS;
     memset(&samples, 0, sizeof samples);
-    samples.instants = &never;
+    samples.instants = instants;
+    samples.plant.at = w.plant;
+    samples.plant.rows = n;
+    samples.plant.columns = WEB_PLANT_CHANNELS;
     samples.address = (uint64_t)(uintptr_t)w.channels;
     samples.channels.at = w.channels;
     samples.channels.rows = n;

@@ -8,11 +8,11 @@ export class Ring {
     this.begin = this.end = 0;
   }
 
-  /** The next sample. value(k): of channel k. */
-  push(number, value) {
+  /** The next sample: a value for each channel. */
+  push(number, values) {
     if (!this.end) this.begin = this.end = number;
     const place = number % this.capacity;
-    this.rows.forEach((row, k) => { row[place] = value(k); });
+    this.rows.forEach((row, k) => { row[place] = values[k]; });
     this.end = number + 1;
   }
 

@@ -69,7 +69,8 @@ def course_of(case, f_isr_Hz):
 
 
 def native(case):
-    """The same course in the simulation: channels, (periods, channels), and what the page gets."""
+    """The same course in the simulation: channels, (periods, channels), the plant's true values,
+    (periods, values), and what the page gets."""
     setup, _, _ = case
     sim = SimulatedDrive(load(setup), samples_per_period=1)
     f_isr_Hz = 1 / sim.period_s
@@ -82,22 +83,28 @@ def native(case):
         "load": lambda torque_Nm: sim.set("load_Nm", torque_Nm),
         "open": lambda phase, _: sim.break_leg(phase, "open"),
     }
-    rows, states = [], []
+    rows, plant, states = [], [], []
     for begin, (_, act, *given) in enumerate(course):
         acts[act](*given)
         until = course[begin + 1][0] if begin + 1 < len(course) else periods
         if left := until - sim.periods:
-            rows.append(sim.rows(left)[1].copy())
+            true, channels = sim.rows(left)
+            rows.append(channels.copy())
+            plant.append(true.copy())
             states.append(sim.condition.name)
     assert "run" in states and states[-1] in ("idle", "fault")
-    return np.concatenate(rows), {"setup": setup, "periods": periods, "course": course}
+    given = {"setup": setup, "periods": periods, "course": course}
+    return np.concatenate(rows), np.concatenate(plant), given
 
 
-def same_bits(answer, channels):
-    """Any NaN is as good as another: a browser may choose its sign."""
-    raw = np.frombuffer(base64.b64decode(answer["rows"]), np.float32).reshape(channels.shape)
-    equal = (raw.view(np.uint32) == channels.view(np.uint32)) | (np.isnan(raw) & np.isnan(channels))
-    assert equal.all(), np.argwhere(~equal)[:5]
+def same_bits(answer, channels, plant):
+    """Any NaN is as good as another: a browser may choose its sign. A row of the page has room for
+    more of the plant's values."""
+    for raw, here in ((answer["rows"], channels), (answer["plant"], plant)):
+        there = np.frombuffer(base64.b64decode(raw), np.float32).reshape(len(here), -1)
+        there = np.ascontiguousarray(there[:, : here.shape[1]])
+        equal = (there.view(np.uint32) == here.view(np.uint32)) | (np.isnan(there) & np.isnan(here))
+        assert equal.all(), np.argwhere(~equal)[:5]
     assert answer["violations"] == 0
 
 
@@ -149,18 +156,18 @@ def in_node(built, tmp_path):
 
 @needs_node
 def test_bits_of_a_machine_of_another_kind(tmp_path_factory, tmp_path):
-    channels, given = native(OF_ANOTHER_KIND)
+    *expected, given = native(OF_ANOTHER_KIND)
     own = page_with((OF_ANOTHER_KIND[0],), tmp_path_factory)
     (answer,) = asker(own, tmp_path)(["/course", given])
-    same_bits(answer["answer"], channels)
+    same_bits(answer["answer"], *expected)
 
 
 @needs_node
 @pytest.mark.parametrize("name", CASES)
 def test_bits_in_node(name, in_node):
-    channels, given = native(CASES[name])
-    ((answer),) = in_node(["/course", given])
-    same_bits(answer["answer"], channels)
+    *expected, given = native(CASES[name])
+    (answer,) = in_node(["/course", given])
+    same_bits(answer["answer"], *expected)
     print(f"{name}: {answer['answer']['time_s'] / answer['answer']['took_s']:.0f} x real time")
 
 
@@ -185,9 +192,9 @@ def page(browser, built):
 @needs_chromium
 @pytest.mark.parametrize("name", CASES)
 def test_bits_in_chromium(name, page):
-    channels, given = native(CASES[name])
+    *expected, given = native(CASES[name])
     answer = page.js(f"hexatorque.ask('/course', {json.dumps(given)})")
-    same_bits(answer, channels)
+    same_bits(answer, *expected)
 
 
 def test_size(built):
@@ -206,6 +213,12 @@ def test_refusals(in_node):
         ["/plant", {"open": {"z": True}}],
         ["/course", {"setup": "mine", "periods": 1, "course": []}],
         ["/commission/begin", {}],
+        ["/channels", {"channels": ["plant.link_V"], "rate_Hz": 2000}],
+        [
+            "/capture/arm",
+            {"channels": ["plant.torque_Nm"], "samples": 9, "pre": 0, "prescaler": 1}
+            | {"trigger": "command"},
+        ],
     )
     for answer, words in zip(
         answers,
@@ -218,6 +231,8 @@ def test_refusals(in_node):
             "phase = z: choose one of u1, u2, w1, w2, v1, v2",
             "no set-up mine: choose one of paper-b, ",
             "/commission/begin: this page cannot do that",
+            "channels: there is none",  # paper B's dc link is stiff
+            "no channel plant.torque_Nm",  # the firmware captures what it knows
         ),
         strict=True,
     ):
@@ -375,6 +390,8 @@ def test_run_record_plot(page, tmp_path):
     page.until(
         "Math.abs(Number(document.querySelector('[data-figure=torque_Nm]').textContent)) > .3"
     )
+    page.js("document.querySelector('#channels input[value=\"plant.torque_Nm\"]').click()")
+    page.until("document.querySelector('#plots').textContent.includes('plant.torque_Nm')")
     page.click("#record")
     page.until("document.querySelector('#record').textContent.startsWith('1')")
     page.click("#record")
@@ -382,6 +399,9 @@ def test_run_record_plot(page, tmp_path):
     recording = Recording.load(tmp_path / name)
     assert recording.meta["setup"] == "paper-b" and recording.rate_Hz == 2000
     assert abs(np.mean(recording["speed_rpm"]) - 500) < 20
+    torque = recording["torque_Nm"], recording["plant.torque_Nm"]
+    assert 0 < np.max(np.abs(np.subtract(*torque))) < 0.2  # an estimate, and the truth
+    assert recording.units["plant.torque_Nm"] == "N m"
     done = subprocess.run(
         [sys.executable, "-m", "hexatorque", "plot", tmp_path / name, "-o", tmp_path / "p.png"],
         capture_output=True, text=True,

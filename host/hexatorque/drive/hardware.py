@@ -82,6 +82,7 @@ class Hardware:
         self.bodies = Bodies(heat, self.machine, model.make, self._machine)
         self._unheated = 0  # periods whose losses have not reached the bodies yet
         self._swing_per_s = parts.swing_per_s(setup, self._machine, setup.parameter("flux_ref_Wb"))
+        self._friction_Nms = parts.friction_Nms(setup)
         self._windings_step_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))
         self._timing = parts.timing(setup, self.controller, self._windings_step_s)
         self._instants = sample_instants(samples_per_period, counts)
@@ -211,7 +212,9 @@ class Hardware:
         if self.load_Nm != self._load_set_Nm:
             set_load(load, self._load_kind, self.load_Nm, self.setup["load.at_rpm"])
             self._load_set_Nm = self.load_Nm
-        shaft_step_s = parts.shaft_step_s(self.setup, load, self.load_Nm, self._swing_per_s)
+        shaft_step_s = parts.shaft_step_s(
+            self.setup, load, self.load_Nm, self._friction_Nms, self._swing_per_s
+        )
         longest_s = min(self._windings_step_s, shaft_step_s)
         self._timing.max_step = max(1, int(longest_s * self._timing.clock_Hz))
         instants = self._instants if len(plant) else NO_INSTANTS

@@ -155,11 +155,13 @@ def friction_Nms(setup: Setup) -> float:
     return viscous_Nms + pole_pairs * slope * flux_Wb**2
 
 
-def shaft_step_s(setup: Setup, load: np.record, load_Nm: float, swing_per_s: float) -> float:
-    """Longest step for the shaft. SetupError if it is so short that the simulation would take too
-    long."""
+def shaft_step_s(
+    setup: Setup, load: np.record, load_Nm: float, slope_Nms: float, swing_per_s: float
+) -> float:
+    """Longest step for the shaft. slope_Nms: of its own friction (`friction_Nms`). SetupError if
+    the step is so short that the simulation would take too long."""
     inertia_kgm2 = setup["machine.inertia_kgm2"]
-    at_rpm, slope_Nms = setup["load.at_rpm"], friction_Nms(setup)
+    at_rpm = setup["load.at_rpm"]
     step_s = float(loads.shaft_step_s(load, at_rpm, slope_Nms, inertia_kgm2, swing_per_s))
     if step_s < SHORTEST_STEP_S:
         raise SetupError(

@@ -55,3 +55,17 @@ def test_a_simulation_refuses_in_one_line_and_keeps_what_it_had(sim, name, value
         sim.set_many({"load_Nm": 1.25, "vdc_V": 200.0, name: value})
     assert str(refused.value) == f"{name} = {value}: a finite number is needed"
     assert (sim.load_Nm, sim.vdc_V) == before
+
+
+def test_time_passes_without_the_set_up_being_evaluated_again(monkeypatch):
+    """All parameters of a set-up take as long as thirty periods. An environment of Gymnasium, a
+    virtual board and many tests let a few pass at a time."""
+    sim = SimulatedDrive(setups.load("small-2kw"))
+
+    def never(_):
+        raise AssertionError("evaluated again")
+
+    monkeypatch.setattr(setups.setup.to_parameters, "parameters", never)
+    sim.run(0.01)
+    sim.load_Nm = 0.5
+    sim.run(0.01)

@@ -184,16 +184,49 @@ def test_a_wrong_action_is_refused(level, action):
         env.step(action)
 
 
-def test_many_on_all_cores():
-    envs = gymnasium.make_vec(
-        IDS["voltage"], num_envs=2, vectorization_mode="async", episode_s=0.01
-    )
+def equal(one, other):
+    """Whether two results are the same: arrays, and infos by name."""
+    if isinstance(one, dict):
+        return sorted(one) == sorted(other) and all(equal(one[name], other[name]) for name in one)
+    return one.dtype == other.dtype and np.array_equal(one, other)
+
+
+@pytest.mark.parametrize(("mode", "more"), ((None, {"cores": 2}), ("async", {})))
+@pytest.mark.parametrize("level", IDS)
+def test_many_in_processes_are_many_in_one(level, mode, more):
+    """Also beyond the end of an episode, and where one of them trips."""
+    given = {"num_envs": 3, "episode_s": 0.004, "set": {"controller.i_trip_A": 6.0}}
+    alone = gymnasium.make_vec(IDS[level], vectorization_mode="sync", **given)
+    many = gymnasium.make_vec(IDS[level], vectorization_mode=mode, **given, **more)
     try:
-        seen, _ = envs.reset(seed=[3, 4])
-        alone = [made("voltage", episode_s=0.01).reset(seed=seed)[0] for seed in (3, 4)]
-        assert np.array_equal(seen, alone)
+        assert many.action_space == alone.action_space
+        assert many.observation_space == alone.observation_space
+        options = {"references": [(0.0, 0.5)]}
+        results = [envs.reset(seed=3, options=options) for envs in (alone, many)]
+        assert all(map(equal, *results))
+        many.action_space.seed(5)
+        trips = 0
+        for _ in range(60):
+            actions = many.action_space.sample()
+            results = [envs.step(actions) for envs in (alone, many)]
+            assert all(map(equal, *results))
+            trips += results[0][2].any()
+        assert bool(trips) == (level != "torque")  # the scheme limits the current
     finally:
-        envs.close()
+        many.close()
+
+
+def test_what_many_cannot_do_is_told_in_one_line():
+    with pytest.raises(InputError, match=r"^num_envs = 0: a whole number from 1 on is needed$"):
+        hexatorque.gym.Many(0)
+    with pytest.raises(InputError, match=r"^level = 'best'"):
+        hexatorque.gym.Many(2, level="best")
+    many = hexatorque.gym.Many(2, cores=2)
+    with pytest.raises(InputError, match="options"):
+        many.reset(options={"speed": 1})
+    seen, _ = many.reset(seed=1)  # the line is in step again
+    assert seen.shape == many.observation_space.shape
+    many.close()
 
 
 def test_the_package_alone_does_not_import_gymnasium():

@@ -187,7 +187,7 @@ const styleOf = (index) => ({ colour: index % 5, dashed: index % 10 >= 5 });
 
 function series(names) {
   return names.map((name, index) => {
-    const row = device.channels.find((channel) => channel.name === name);
+    const row = traceable().find((channel) => channel.name === name);
     const steps = STEPS.has(name) || wordsOf(name) !== null;
     const reference = name.includes("_ref_");
     return { name, index, ...styleOf(index), unit: row.unit, help: row.help, steps, reference };
@@ -462,6 +462,9 @@ function figures(sample) {
 
 // -- traces to choose --------------------------------------------------------------------
 
+/** Rows of the channels that may be traced. A page that holds its drive itself has the plant's, too. */
+const traceable = () => [...device.channels, ...(device.plant?.channels ?? [])];
+
 function byUnit(rows) {
   const groups = new Map();
   for (const row of rows) {
@@ -471,9 +474,9 @@ function byUnit(rows) {
   return [...groups].sort((a, b) => Number(!a[0]) - Number(!b[0]));
 }
 
-function checkList(box, changed) {
+function checkList(box, all, changed) {
   const rows = new Map();
-  for (const [unit, channels] of byUnit(device.channels)) {
+  for (const [unit, channels] of byUnit(all)) {
     const list = make("fieldset", {}, make("legend", { textContent: unit || "no unit" }));
     for (const channel of channels) {
       const input = make("input", { type: "checkbox", value: channel.name });
@@ -491,7 +494,7 @@ function checkList(box, changed) {
 function channels() {
   $("channels-hint").textContent =
     `Up to ${device.stream_channels} channels. More of them leave fewer samples per second.`;
-  channelRow = checkList($("channels"), (input) => {
+  channelRow = checkList($("channels"), traceable(), (input) => {
     const others = choice.filter((name) => name !== input.value);
     trace(input.checked ? [...others, input.value] : others);
   });
@@ -595,7 +598,7 @@ function capture() {
   for (const trigger of device.triggers) $("trigger").append(new Option(names[trigger] ?? trigger, trigger));
   for (const channel of device.channels) $("trigger-channel").append(new Option(channel.name, channel.name));
   $("trigger-channel").value = device.channels.some((one) => one.name === "torque_Nm") ? "torque_Nm" : device.channels[0].name;
-  captureRow = checkList($("capture-channels"), shape);
+  captureRow = checkList($("capture-channels"), device.channels, shape);
   const wanted = device.channels.filter((one) => ["A", "N m", "Wb"].includes(one.unit)).slice(0, Math.min(10, device.capture_channels));
   for (const channel of wanted) captureRow.get(channel.name).input.checked = true;
   for (const name of ["trigger", "trigger-channel", "samples", "pre", "prescaler"]) $(name).addEventListener("input", shape);
