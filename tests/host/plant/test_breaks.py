@@ -267,7 +267,7 @@ def test_instant_lies_within_a_period_and_recording_changes_nothing():
     [
         (("u3", "open"), ["phase = 'u3'", "u1, u2"]),
         (("u1", "melted"), ["kind = 'melted'", "blocked"]),
-        (("u1", "open", -1), ["after_s = -1", "0 s or more"]),
+        (("u1", "open", -1), ["after_s = -1", "0 to 3600 s"]),
     ],
 )
 def test_mistakes_are_named_in_one_line(values, named):
