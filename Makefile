@@ -192,6 +192,7 @@ bench-peers: $(VENV)/.installed
 # library.
 dist-tools = $(BIN)/python -c 'import rattler_build, twine, ziglang' 2>/dev/null || \
   HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}dist tools/setup.sh $(VENV)
+dist test-windows test-windows-quick: export UV_SYSTEM_CERTS = 1 # as tools/setup.sh has it
 dist: $(VENV)/.installed
 	@$(dist-tools)
 	$(BIN)/python tools/wheels.py
