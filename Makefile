@@ -192,7 +192,8 @@ bench-peers: $(VENV)/.installed
 # library.
 dist-tools = $(BIN)/python -c 'import rattler_build, twine, ziglang' 2>/dev/null || \
   HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}dist tools/setup.sh $(VENV)
-dist test-windows test-windows-quick: export UV_SYSTEM_CERTS = 1 # as tools/setup.sh has it
+# The certificates of the system, as in tools/setup.sh: a proxy may have its own.
+dist test-windows test-windows-quick: export UV_SYSTEM_CERTS = 1
 dist: $(VENV)/.installed
 	@$(dist-tools)
 	$(BIN)/python tools/wheels.py
