@@ -16,7 +16,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tarfile
 import tomllib
 import venv
 from pathlib import Path
@@ -160,8 +159,7 @@ def main(names: list[str]) -> int:
     (sdist,) = DIST.glob("*.tar.gz")
     run(*build, "--wheel", "--out-dir", WORK / "here", sdist)
     (here,) = (WORK / "here").glob("*.whl")
-    with tarfile.open(sdist) as archive:
-        archive.extractall(WORK / "source", filter="data")
+    shutil.unpack_archive(sdist, WORK / "source")  # Python 3.11.2 knows no filters
     (source,) = (WORK / "source").iterdir()
     for name in names or SYSTEMS:
         path = write(name, here, compiled(name, source, WORK))
