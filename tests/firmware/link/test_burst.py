@@ -334,7 +334,7 @@ def test_read_needs_a_complete_capture():
     assert progress(device)[0] == COMPLETE
     assert device.ask(TRIGGER).status == NO_CAPTURE
     device.done(CANCEL)
-    assert progress(device)[0] == NONE
+    assert (progress(device)[0], progress(device)[6]) == (NONE, 0)
     assert device.ask(READ, struct.pack("<II", 0, 1)).status == NO_CAPTURE
 
 

@@ -275,15 +275,32 @@ def test_other_pins(started):
         assert used["trip"].mux == 0
 
 
+def qualification_period(started, pin):
+    """QUALPRD of the eight pins that this one is among."""
+    first, stride = GPIO[started.name]
+    control = started.long(first + pin.gpio // 32 * stride)
+    return control >> 8 * (pin.gpio % 32 // 8) & 0xFF
+
+
+def test_the_filter_of_an_input_does_not_depend_on_the_one_before(started):
+    """A start without a reset finds the registers as something else left them."""
+    board = Started(started.name)
+    first, stride = GPIO[board.name]
+    for pin in (board.board.encoder_a, board.board.encoder_b, board.board.encoder_index):
+        word = lib.ht_regfile_word(board.rf, first + pin.gpio // 32 * stride)
+        word[0] = word[1] = 0xFFFF
+    assert lib.ht_board_start(board.port)
+    for pin in (board.board.encoder_a, board.board.encoder_b, board.board.encoder_index):
+        assert qualification_period(board, pin) == qualification_period(started, pin) < 0xFF
+
+
 def test_encoder_inputs_are_filtered_but_not_too_much(started):
     """Six samples, every 2 QUALPRD system clocks: a level counts once it has lasted for six
     sampling periods and a clock. Spikes of 0.3 us must not count; the levels of an encoder of
     1 MHz a channel must, even if they last for only 45 % of its period."""
     clock = SYSCLK[started.name]
     for pin in (started.board.encoder_a, started.board.encoder_b, started.board.encoder_index):
-        first, stride = GPIO[started.name]
-        control = started.long(first + pin.gpio // 32 * stride)
-        qualprd = control >> 8 * (pin.gpio % 32 // 8) & 0xFF
+        qualprd = qualification_period(started, pin)
         sampling = 2 * qualprd / clock
         assert 5 * sampling > 0.3e-6
         assert 6 * sampling + 1 / clock < 0.45e-6
