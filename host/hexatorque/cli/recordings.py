@@ -156,5 +156,6 @@ def convert(files, new, maps, shift) -> int:
     (rec,) = mapping.mapped([" and ".join(files)], [rec], maps, mapping.shift(shift))
     for file, one in zip(files, recs, strict=True):
         _complain_of(file, one)
-    print(f"{rec.save(output)}: {len(rec)} samples of {len(rec.channels)} channels")
+    count = len(rec.channels)
+    print(f"{rec.save(output)}: {len(rec)} samples of {count} channel{'s' * (count > 1)}")
     return 0

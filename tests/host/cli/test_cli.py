@@ -187,7 +187,7 @@ def test_an_unclosed_journal_is_drawn_and_converted(tmp_path, capsys, monkeypatc
     assert main(["plot", "x.npz.part", "-o", "x.png", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["files"][0]["closed"] is False
     assert main(["convert", "x.npz.part", "new/x.csv"]) == 0
-    assert "50 samples of 1 channels" in capsys.readouterr().out
+    assert "50 samples of 1 channel\n" in capsys.readouterr().out
     assert len(Recording.load("new/x.csv")) == 50
 
 
