@@ -353,6 +353,19 @@ static bool make_call(ht_link *l, ht_reader *r)
 }
 
 /* Do what the target's driver did: the end of a reply. */
+/** @returns whether the registers at the far end have the same history as the ones here */
+static bool take_registers(ht_link *l, ht_reader *r)
+{
+    uint32_t digest;
+    l->registers.accesses = ht_read32(r);
+    l->registers.violations = ht_read32(r);
+    digest = ht_read32(r);
+    if (!ht_mirror_take(&l->mirror, r)) {
+        down(l, HT_LINK_ANSWER);
+    }
+    return ht_mirror_digest(&l->mirror, l->number) == digest;
+}
+
 static void follow(ht_link *l, ht_reader *r)
 {
     bool together = true;
@@ -361,14 +374,7 @@ static void follow(ht_link *l, ht_reader *r)
             together = make_call(l, r);
         }
     } else {
-        uint32_t digest;
-        l->registers.accesses = ht_read32(r);
-        l->registers.violations = ht_read32(r);
-        digest = ht_read32(r);
-        if (!ht_mirror_take(&l->mirror, r)) {
-            down(l, HT_LINK_ANSWER);
-        }
-        together = ht_mirror_digest(&l->mirror, l->number) == digest;
+        together = take_registers(l, r);
     }
     if (r->exceeded) {
         down(l, HT_LINK_ANSWER);
@@ -380,11 +386,25 @@ static void follow(ht_link *l, ht_reader *r)
 }
 
 /* Send the open request and take its reply over. */
+/** Channels come in groups of 8 behind an octet of flags: those that changed have a value. */
+static void take_channels(ht_link *l, ht_reader *r)
+{
+    uint16_t flags = 0u;
+    uint16_t i;
+    for (i = 0u; i < ht_channel_count(); i++) {
+        if ((i % 8u) == 0u) {
+            flags = ht_read8(r);
+        }
+        if ((flags & (1u << (i % 8u))) != 0u) {
+            l->told[i] = ht_read_float(r);
+        }
+    }
+    (void)memcpy(l->channels, l->told, sizeof l->channels);
+}
+
 static void operate(ht_link *l, uint16_t opcode)
 {
     ht_reader r;
-    uint16_t flags = 0u;
-    uint16_t i;
     if (!exchange(l, opcode, &r) || (r.left == 0u)) {
         return; /* nothing left: INIT, with parameters that the drive refused */
     }
@@ -393,15 +413,7 @@ static void operate(ht_link *l, uint16_t opcode)
         return;
     }
     l->value = ht_read_float(&r);
-    for (i = 0u; i < ht_channel_count(); i++) {
-        if ((i % 8u) == 0u) {
-            flags = ht_read8(&r);
-        }
-        if ((flags & (1u << (i % 8u))) != 0u) {
-            l->told[i] = ht_read_float(&r);
-        }
-    }
-    (void)memcpy(l->channels, l->told, sizeof l->channels);
+    take_channels(l, &r);
     follow(l, &r);
 }
 
@@ -457,6 +469,17 @@ static void add_parameters(ht_packet *request, const ht_params *p)
     }
 }
 
+static void add_own_hardware(ht_link *l, const ht_board *board)
+{
+    ht_pil_hardware hardware;
+    hardware.pwm_clock_Hz = ht_port_pwm_clock_Hz(&l->port);
+    hardware.capture_clock_Hz = ht_port_capture_clock_Hz(&l->port);
+    hardware.dead_min_us = board->dead_min_us;
+    hardware.min_pulse_us = board->min_pulse_us;
+    hardware.dead_max_counts = board->map->dead_max_counts;
+    ht_pil_hardware_add(&l->request, &hardware);
+}
+
 void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
 {
     const ht_board *board = ht_board_of_device(device);
@@ -472,13 +495,7 @@ void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
     ht_packet_add8(&l->request, device);
     add_parameters(&l->request, p);
     if (l->calls != 0u) {
-        ht_pil_hardware hardware;
-        hardware.pwm_clock_Hz = ht_port_pwm_clock_Hz(&l->port);
-        hardware.capture_clock_Hz = ht_port_capture_clock_Hz(&l->port);
-        hardware.dead_min_us = board->dead_min_us;
-        hardware.min_pulse_us = board->min_pulse_us;
-        hardware.dead_max_counts = board->map->dead_max_counts;
-        ht_pil_hardware_add(&l->request, &hardware);
+        add_own_hardware(l, board);
     }
     add_hardware(l); /* register target: nothing has changed so far */
     operate(l, HT_OP_PIL_INIT);

@@ -534,15 +534,10 @@ ht_fmu_status ht_fmu_deserialize(const ht_fmu *f, const void *octets, size_t siz
     return HT_FMU_OK;
 }
 
-ht_fmu_status ht_fmu_go_back(ht_fmu *f, const ht_fmu_kept *kept)
+/** Points what was copied to this instance's own parts: the other one may be gone. */
+static void point_home(ht_fmu_state *s, const ht_fmu_kept *kept)
 {
-    ht_fmu_state *s = &f->s;
     uint16_t k;
-    if ((kept->size != sizeof *kept)
-        || (strncmp(kept->token, HT_FMU_TOKEN, sizeof kept->token) != 0)) {
-        return ht_fmu_tell(f, HT_FMU_ERROR, "the kept state is of another FMU");
-    }
-    memcpy(s, &kept->s, sizeof *s);
     /* The chip's tables are where they are in this process. */
     ht_port_bind(&s->port, &s->chip, &HT_FMU_BOARD);
     s->port.shadow = kept->s.port.shadow;
@@ -556,5 +551,15 @@ ht_fmu_status ht_fmu_go_back(ht_fmu *f, const ht_fmu_kept *kept)
     for (k = 0u; k < HT_REGFILE_LOG; k++) {
         s->chip.log[k].why = "";
     }
+}
+
+ht_fmu_status ht_fmu_go_back(ht_fmu *f, const ht_fmu_kept *kept)
+{
+    if ((kept->size != sizeof *kept)
+        || (strncmp(kept->token, HT_FMU_TOKEN, sizeof kept->token) != 0)) {
+        return ht_fmu_tell(f, HT_FMU_ERROR, "the kept state is of another FMU");
+    }
+    memcpy(&f->s, &kept->s, sizeof f->s);
+    point_home(&f->s, kept);
     return HT_FMU_OK;
 }

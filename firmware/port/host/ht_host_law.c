@@ -58,17 +58,10 @@ static float most_of(uint16_t kind, uint32_t index, bool *whole)
     return *whole ? 63.0f : 1.0f;
 }
 
-static ht_host_law_error check(ht_host_law *h)
+static ht_host_law_error check_values(ht_host_law *h)
 {
-    int32_t wanted = (h->kind == (uint16_t)HT_RETURNS_VECTORS) ? 5 : 6;
     uint32_t k;
-    if (h->count < 0) {
-        return HT_HOST_LAW_FAILED;
-    }
-    if (h->count != wanted) {
-        return HT_HOST_LAW_SHAPE;
-    }
-    for (k = 0u; k < (uint32_t)wanted; k++) {
+    for (k = 0u; k < (uint32_t)h->count; k++) {
         bool whole;
         float most = most_of(h->kind, k, &whole);
         if (!within(h->value[k], most) || (whole && (floorf(h->value[k]) != h->value[k]))) {
@@ -76,11 +69,26 @@ static ht_host_law_error check(ht_host_law *h)
             return HT_HOST_LAW_VALUE;
         }
     }
-    if ((h->kind == (uint16_t)HT_RETURNS_VECTORS) && (h->value[3] > h->value[4])) {
-        h->index = 3u;
-        return HT_HOST_LAW_ORDER;
-    }
     return HT_HOST_LAW_RIGHT;
+}
+
+static ht_host_law_error check(ht_host_law *h)
+{
+    int32_t wanted = (h->kind == (uint16_t)HT_RETURNS_VECTORS) ? 5 : 6;
+    ht_host_law_error found;
+    if (h->count < 0) {
+        return HT_HOST_LAW_FAILED;
+    }
+    if (h->count != wanted) {
+        return HT_HOST_LAW_SHAPE;
+    }
+    found = check_values(h);
+    if ((found == HT_HOST_LAW_RIGHT) && (h->kind == (uint16_t)HT_RETURNS_VECTORS)
+        && (h->value[3] > h->value[4])) {
+        h->index = 3u;
+        found = HT_HOST_LAW_ORDER;
+    }
+    return found;
 }
 
 static void vectors(const ht_host_law *h, ht_compare *out, ht_applied *next)

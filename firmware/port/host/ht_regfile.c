@@ -149,6 +149,19 @@ static const ht_chip *chip_of(const void *map)
     return chips[device->device];
 }
 
+static void bind_module(ht_regfile *rf, const ht_module *m)
+{
+    uint16_t instance;
+    for (instance = 0u; instance < m->count; instance++) {
+        uint16_t gate = (m->gate == 0u) ? 0u
+                                        : gate_of(rf, m->gate, (uint16_t)(m->gate_bit + instance));
+        uint16_t r;
+        for (r = 0u; r < m->length; r++) {
+            bind_register(rf, m, &m->registers[r], instance, gate);
+        }
+    }
+}
+
 void ht_regfile_reset(ht_regfile *rf, const void *map)
 {
     uint16_t n;
@@ -160,16 +173,7 @@ void ht_regfile_reset(ht_regfile *rf, const void *map)
     rf->pll_share = 1.0f;
     rf->gate_count = 1u; /* gate 0: always on */
     for (n = 0u; n < rf->chip->length; n++) {
-        const ht_module *m = &rf->chip->modules[n];
-        uint16_t instance;
-        for (instance = 0u; instance < m->count; instance++) {
-            uint16_t gate =
-                (m->gate == 0u) ? 0u : gate_of(rf, m->gate, (uint16_t)(m->gate_bit + instance));
-            uint16_t r;
-            for (r = 0u; r < m->length; r++) {
-                bind_register(rf, m, &m->registers[r], instance, gate);
-            }
-        }
+        bind_module(rf, &rf->chip->modules[n]);
     }
     ht_regfile_settle(rf);
 }

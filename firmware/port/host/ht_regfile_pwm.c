@@ -96,6 +96,14 @@ static uint16_t without_dead_time(ht_regfile *rf, uint32_t base)
                : 0u;
 }
 
+/** 1 if the event is selected as a trip, but its action, from bit `shift` on, does not switch off. */
+static uint32_t event_leaves_on(ht_regfile *rf, uint32_t base, uint32_t select, uint32_t shift,
+                                uint32_t off)
+{
+    return ((of_module(rf, base, rf->chip->tzsel) & select) != 0u)
+           && (((of_module(rf, base, rf->chip->tzctl) >> shift) & 3u) != (off & 3u));
+}
+
 void ht_model_check_pin(ht_regfile *rf, uint32_t addr, uint32_t value, int32_t module)
 {
     uint32_t base = rf->chip->epwm + (uint32_t)module * rf->chip->epwm_stride;
@@ -106,11 +114,9 @@ void ht_model_check_pin(ht_regfile *rf, uint32_t addr, uint32_t value, int32_t m
         order(rf, addr, value, "pin to a PWM module that is not tripped");
     } else if ((of_module(rf, base, rf->chip->tzctl) & 0x000Fu) != off) {
         order(rf, addr, value, "pin to a PWM module whose trip does not switch off");
-    } else if (((of_module(rf, base, rf->chip->tzsel) & TZSEL_DCAEVT1) != 0u)
-               && (((of_module(rf, base, rf->chip->tzctl) >> 4) & 3u) != (off & 3u))) {
+    } else if (event_leaves_on(rf, base, TZSEL_DCAEVT1, 4u, off) != 0u) {
         order(rf, addr, value, "pin to a PWM module whose digital compare does not switch off");
-    } else if (((of_module(rf, base, rf->chip->tzsel) & TZSEL_DCBEVT1) != 0u)
-               && (((of_module(rf, base, rf->chip->tzctl) >> 8) & 3u) != (off & 3u))) {
+    } else if (event_leaves_on(rf, base, TZSEL_DCBEVT1, 8u, off) != 0u) {
         order(rf, addr, value, "pin to a PWM module whose comparators do not switch off");
     } else if (without_dead_band(rf, base) != 0u) {
         order(rf, addr, value, "pin to a PWM module without dead band");

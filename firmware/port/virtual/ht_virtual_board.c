@@ -64,6 +64,15 @@ static void clear(ht_virtual_line *line)
     line->lost = 0u;
 }
 
+static void empty_lines(ht_virtual_board *b)
+{
+    b->credit_in = 0.0f;
+    b->credit_out = 0.0f;
+    b->credit_net = 0.0f;
+    clear(&b->serial);
+    clear(&b->net);
+}
+
 bool ht_virtual_init(ht_virtual_board *b, ht_drive *d, ht_port *port, const ht_service_setup *setup,
                      uint32_t baud)
 {
@@ -84,11 +93,7 @@ bool ht_virtual_init(ht_virtual_board *b, ht_drive *d, ht_port *port, const ht_s
     b->port = port;
     ht_service_init(&b->service, d, &with_line);
     ht_channels_read(d, b->channel);
-    b->credit_in = 0.0f;
-    b->credit_out = 0.0f;
-    b->credit_net = 0.0f;
-    clear(&b->serial);
-    clear(&b->net);
+    empty_lines(b);
     return true;
 }
 
