@@ -18,6 +18,8 @@ import importlib
 import inspect
 import os
 import re
+import shutil
+import subprocess
 import sys
 import time
 import tomllib
@@ -80,11 +82,34 @@ def tell(what: str, number: int, of: int) -> None:
 
 
 def on_config(config):
-    """Equations are fenced blocks of the kind "math"."""
+    """Equations are fenced blocks of the kind "math". The site links to its repository."""
+    config.repo_url = repository()
+    config.repo_name = "Repository"
     config.mdx_configs["pymdownx.superfences"] = {
         "custom_fences": [{"name": "math", "class": "math", "format": equation}]
     }
     return config
+
+
+def repository() -> str | None:
+    """The page of the repository that this clone came from. A clone of a folder has none."""
+    if not shutil.which("git"):
+        return None
+    found = subprocess.run(
+        ["git", "-C", str(ROOT), "remote", "get-url", "origin"], capture_output=True, text=True
+    )
+    return web_address(found.stdout.strip())
+
+
+def web_address(origin: str) -> str | None:
+    """The page of a remote repository. The name and the password in its address stay out."""
+    path = r"(?P<path>[^:]+?)(?:\.git)?/*"
+    forms = (
+        rf"(?:https?|ssh)://(?:[^@/]+@)?(?P<host>[\w.-]+)(?::\d+)?/{path}",
+        rf"[^@/]+@(?P<host>[\w.-]+):{path}",
+    )
+    found = next((match for form in forms if (match := re.fullmatch(form, origin))), None)
+    return found and f"https://{found['host']}/{found['path']}"
 
 
 def on_files(files, config):

@@ -157,3 +157,21 @@ def test_equations():
             plain = re.sub(r"`[^`]*`", "", line)
             assert not re.search(r"√[^\d√]*[²(]|\bd\w+/dt\b|\)²|²/", plain), f"{path.name}: {line}"
     assert found >= 50
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [
+        "https://code.example/drives/hexatorque.git",
+        "https://someone:secret@code.example/drives/hexatorque",
+        "ssh://git@code.example:2222/drives/hexatorque.git",
+        "git@code.example:drives/hexatorque.git",
+    ],
+)
+def test_the_site_links_to_the_repository_that_its_clone_came_from(origin):
+    assert site_hook.web_address(origin) == "https://code.example/drives/hexatorque"
+
+
+@pytest.mark.parametrize("origin", ["", "/home/me/drives", "file:///home/me/drives", "C:/drives"])
+def test_a_clone_of_a_folder_has_no_link_to_a_repository(origin):
+    assert site_hook.web_address(origin) is None
