@@ -300,6 +300,14 @@ def test_nothing_of_an_image_is_where_the_parameters_are(device):
     assert {begin, words // 2} <= numbers
 
 
+def test_what_tis_flash_api_calls_leaves_the_registers_open():
+    """The API is not here to be tried, and TI does not say whether it opens them again itself."""
+    shim = (IMAGE.parent / "store" / "ht_flash_f28335.c").read_text()
+    (body,) = re.findall(r"^static void serve\(void\)\n\{\n(.*?)^\}", shim, re.M | re.S)
+    assert re.findall(r"\w+(?=\()", body) == ["HT_EDIS", "ht_flash_serve", "HT_EALLOW"]
+    assert "Flash_CallbackPtr = serve;" in shim
+
+
 @pytest.mark.parametrize(("device", "place"), FILES)
 def test_every_section_has_its_place(device, place):
     text = command_file(device, place)

@@ -17,7 +17,7 @@ REASONS = {
     "a library or Python reads it": {
         "no_args_is_help", "showwarning", "daemon_threads", "request_queue_size", "baudrate",
         "protocol_version", "server_version", "sys_version", "close_connection", "sampler",
-        "__pydantic_config__", "CACHE_DIR", "w_m", "on_cell_start",
+        "__pydantic_config__", "CACHE_DIR", "w_m", "on_cell_start", "repo_url", "repo_name",
     },
     "registered by its decorator, which is how it is found": {
         "list_parameters", "_", "_saturates",

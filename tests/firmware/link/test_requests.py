@@ -2,10 +2,12 @@
 that a refused request changes nothing."""
 
 import math
+import re
 import struct
 import zlib
 
 import numpy as np
+import protocol_examples
 import pytest
 from device import (
     ARM,
@@ -152,23 +154,33 @@ def test_an_unknown_opcode_is_refused(device, op):
     assert device.ask(op, bytes(300)).status == OPCODE
 
 
-def test_bodies_that_are_no_requests_are_not_answered(device):
-    """Bodies of other types, such as an echo of the device's own, are counted and not answered."""
-    for op in (0, 0x40, 0x50, 0x81, 0xFF):
+def test_what_is_no_request_is_dropped_and_counted(device):
+    """As the page tells it. Other bodies are an echo of the device's own, for example."""
+    page = protocol_examples.PAGE.read_text()
+    first, last = (
+        int(n, 16) for n in re.search(r"request's \((0x\w+) to (0x\w+)\)", page).groups()
+    )
+    assert f"| 0x{first:02X} … 0x{last:02X} | host | request |" in page
+    for op in range(256):
         damaged = device.service.damaged
-        assert device.answer(struct.pack("<BBHH", op, 1, NONCE, 0), 30) is None
-        assert device.service.damaged == damaged + 1
-    short = device.answer(b"\x05\x01", 30)  # a request without its head
-    assert short.status == LENGTH
+        reply = device.answer(struct.pack("<BBHH", op, 1, 0, 0), 30)
+        assert (reply is not None) == (first <= op <= last) == (device.service.damaged == damaged)
 
 
-def test_a_body_longer_than_the_longest_is_dropped_and_counted(device):
-    assert device.ask(GET, bytes(502)).status == LENGTH
-    damaged = device.service.damaged
-    body = device.request(GET, bytes(503))
-    assert device.answer(body, 100) is None
-    assert device.service.damaged == damaged + 1
-    assert device.ask(STATUS).status == DONE
+def test_bodies_outside_the_lengths_of_the_page_are_dropped_and_counted(device):
+    page = protocol_examples.PAGE.read_text()
+    least, most = map(int, re.search(r"A body is (\d+) to (\d+) bytes long", page).groups())
+    assert most == wire.LONGEST_BODY and device.ask(HELLO).status == DONE
+    longest = device.request(GET, bytes(most - 6))
+    for n in (*range(1, 7), most - 1, most, most + 1, most + 2):
+        damaged = device.service.damaged
+        body = (longest + bytes(2))[:n]
+        reply = device.answer(body, 100)
+        if least <= n <= most:  # from two bytes on there is an id to answer to
+            assert reply.status == (DONE if n == 6 else LENGTH), n
+            assert device.service.damaged == damaged
+        else:
+            assert reply is None and device.service.damaged == damaged + 1, n
 
 
 def test_every_reply_has_status_state_faults_and_tick(device):

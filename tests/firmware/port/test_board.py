@@ -3,12 +3,14 @@ the registers that it leaves, with the manuals' formulas and limits.
 """
 
 import re
+from pathlib import Path
 
 import pytest
 
 from hexatorque.chips import BOARDS, DEVICES, SOURCES
 from hexatorque.firmware import ALL_LEGS, ffi, lib, parameters
 
+DOCS = Path(__file__).resolve().parents[3] / "docs"
 CRYSTAL = {"f28335": 30e6, "f28377s": 20e6, "launchxl_f28377s": 10e6}
 SYSCLK = {"f28335": 150e6, "f28377s": 200e6, "launchxl_f28377s": 200e6}
 #: First register of port A, distance between ports.
@@ -200,10 +202,19 @@ def test_nearest_baud_rate(started, baud):
     assert started.rf.violations == 0
 
 
-def test_fast_rate_of_the_f28377s_is_exact():
-    started = Started("launchxl_f28377s")
-    assert lib.ht_sci_start(started.port, 1250000)
-    assert lib.ht_sci_baud(started.port) == 1250000.0
+def test_the_pages_tell_the_rates_that_the_boards_make(started):
+    """A client and its adapter have to know both: what is asked for, and what the clock makes."""
+    pages = {name: (DOCS / f"{name}.md").read_text() for name in ("protocol", "first-spin")}
+    told = re.search(
+        r"([\d.]+) Mbaud on an F28377S; (\d+) baud on an\s+F28335, whose clock makes (\d+) of it, "
+        r"([\d.]+) % more", pages["protocol"],
+    )  # fmt: skip
+    fast, asked, made, percent = map(float, told.groups())
+    assert f"{fast:g} Mbaud or {made / 1e3:g} kbaud (F28335)" in pages["first-spin"]
+    assert percent == round(100 * (made / asked - 1), 1)
+    wanted = (asked, made) if started.small else (1e6 * fast, 1e6 * fast)
+    assert lib.ht_sci_start(started.port, started.board.baud)
+    assert (started.board.baud, lib.ht_sci_baud(started.port)) == wanted
 
 
 @pytest.mark.parametrize("baud", (0, 1, 100, 5_000_000, 10_000_000, 2**32 - 1))

@@ -1,5 +1,7 @@
 """The recording that a virtual board makes of itself needs memory that does not grow."""
 
+import signal
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from hexatorque import setups
 from hexatorque.boards import virtual
 from hexatorque.boards.own_recording import PART_S, OwnRecording
 from hexatorque.boards.virtual import VirtualBoard
+from hexatorque.cli.board import serve as serving
 from hexatorque.cli.main import main
 from hexatorque.recording.formats import NotWritten, RecordingError
 from hexatorque.recording.recording import Recording
@@ -126,3 +129,37 @@ def test_serve_goes_on_with_a_full_disk_and_ends_with_1(tmp_path, monkeypatch, c
     assert main(["board", "serve", "--record", str(tmp_path / "own.csv")]) == 1
     assert served == [pytest.approx(0.8)]
     assert capsys.readouterr().err.count("No space left on device") == 2  # at once, and at the end
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_a_board_that_is_told_to_end_says_so_before_it_writes_and_has_little_left(
+    tmp_path, monkeypatch, capsys, suffix
+):
+    """It once wrote for a minute without a word: all was still in memory."""
+    path, said, left = tmp_path / f"own{suffix}", [], []
+    append, close = Writer.append, OwnRecording.close
+
+    def serve(made, _line, until, record, xcp):
+        while not until():
+            record.keep()
+            made.run(STEP_S, record=True)
+            if made.sim.time_s > 1.05:
+                signal.raise_signal(signal.SIGTERM)
+
+    def noted(self, ticks, values):
+        left.append(len(ticks))
+        append(self, ticks, values)
+
+    def closed(self):
+        said.append(capsys.readouterr().err)
+        left.clear()
+        close(self)
+
+    monkeypatch.setattr(virtual, "serve", serve)
+    monkeypatch.setattr(serving, "LONG_S", 0.5)
+    monkeypatch.setattr(Writer, "append", noted)
+    monkeypatch.setattr(OwnRecording, "close", closed)
+    assert main(["board", "serve", "--record", str(path)]) == 0
+    assert said == [f"writing 1 s to {path}\n"]
+    assert capsys.readouterr().err == f"recording: {path}\n"
+    assert 0 < sum(left) <= (PART_S + 2 * STEP_S) * Recording.load(path).rate_Hz

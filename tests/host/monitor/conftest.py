@@ -27,7 +27,7 @@ WATCHDOG_MS = 800
 #: whether its drive is at work, as two float64; a file with a line for each change of that. SIGUSR1
 #: resets the board.
 BOARD = f"""
-import os, signal, sys
+import os, signal, sys, time
 from pathlib import Path
 import numpy as np
 from hexatorque import setups
@@ -36,6 +36,15 @@ class Controller(virtual_board.BoardController):
     def __init__(self, device, values, **options):
         super().__init__(device, values, **options | {{"watchdog_ms": {WATCHDOG_MS}}})
 virtual_board.BoardController = Controller
+class Store(virtual_board.FileStore):
+    def put(self, begin, raw):
+        slow = Path(port + ".slow")
+        if slow.exists():
+            seconds = float(slow.read_text())
+            slow.unlink()
+            time.sleep(seconds)
+        return super().put(begin, raw)
+virtual_board.FileStore = Store
 port, now, changes = sys.argv[1:]
 now = np.memmap(now, np.float64, "w+", shape=2)
 changes = open(changes, "w")
@@ -83,6 +92,7 @@ class Board:
 
     def __init__(self, folder: Path) -> None:
         self.port = str(folder / "ttyHT0")
+        self.slow = folder / "ttyHT0.slow"
         self._now, self._changes = folder / "now", folder / "changes"
         self.process = python("-c", BOARD, self.port, self._now, self._changes)
         assert self.port in self.process.stdout.readline(), self.process.stderr.read()
@@ -116,6 +126,9 @@ class Board:
             if float(time_s) > after_s and at_work == "0":
                 return float(time_s)
         return None
+
+    def write_slowly(self, seconds: float) -> None:
+        self.slow.write_text(str(seconds))
 
     def reset(self) -> None:
         self.process.send_signal(signal.SIGUSR1)

@@ -7,6 +7,8 @@ from waiting import until
 
 from hexatorque import firmware
 from hexatorque.cli.main import main
+from hexatorque.serial import sharing, wire
+from hexatorque.serial.wire import Op
 
 
 def test_the_file_is_the_one_that_the_commands_read(site, port, tmp_path, capsys):
@@ -106,6 +108,17 @@ def test_the_board_keeps_and_forgets_its_parameters_beside_the_traces(site, boar
     board.reset()
     until(lambda: "built-in" in site.monitored.reset)
     assert site.monitored.status()["channels"] == channels
+
+
+def test_a_board_that_writes_for_long_is_waited_for(site, board):
+    """A flash takes seconds, in which the board answers nothing. Other requests are given up
+    earlier."""
+    client = site.monitored.drive.client
+    others_s = sharing.PROCESS_TRIES * sharing.reply_s(1_250_000, wire.reply_bytes(Op.STATUS, 0))
+    for path in ("/parameters/keep", "/parameters/forget"):
+        board.write_slowly(1.5 * others_s)
+        assert site.post(path, {}) == (200, {}) and not board.slow.exists()
+    assert site.monitored.status()["channels"] and not client.broken
 
 
 def test_a_drive_at_work_keeps_nothing(site):

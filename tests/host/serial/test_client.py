@@ -21,6 +21,7 @@ from hexatorque.serial.exchange import NoReply
 from hexatorque.serial.wire import Op
 
 WRITE, STREAM, LIST = 7, 11, 2
+PROTOCOL = Path(__file__).parents[3] / "docs" / "protocol.md"
 
 
 @pytest.fixture
@@ -144,6 +145,23 @@ def test_a_process_gets_sixteen_tries(peer, drive):
     assert peer.values[1] == 2.0
     ids = [body[1] for body in of(peer, WRITE)]
     assert len(set(ids)) == 2
+
+
+@pytest.mark.parametrize("op", sorted(wire.SLOW))
+def test_a_request_that_writes_a_flash_is_not_repeated_while_the_board_writes(peer, drive, op):
+    """It waits as long as the page says, which is longer than a flash takes."""
+    page = " ".join(PROTOCOL.read_text(encoding="utf-8").split())
+    told = r"while it writes, which takes up to (\d+) s, .* waits (\d+) s longer than for others"
+    flash_s, longer_s = map(float, re.search(told, page).groups())
+    job = sharing.Job(op)
+    sharing.Server(types.SimpleNamespace(url="", write=len), 1_250_000, None)._begin(job, 0.0)
+    others_s = sharing.reply_s(1_250_000, len(job.sent) + wire.reply_bytes(op, 0))
+    assert job.deadline_s == longer_s + others_s > flash_s
+    drive.client.open_session()
+    with drive.client._one_at_a_time:
+        peer.faults = ["late"]  # by more than others wait
+        {Op.SAVE: drive.store_parameters, Op.FORGET: drive.forget_parameters}[op]()
+    assert len(of(peer, op)) == 1 and peer.executed.count(op) == 1
 
 
 def test_the_reply_time_is_the_time_on_the_line_plus_50_ms():
