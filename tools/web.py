@@ -415,11 +415,11 @@ def build(folder: Path, names: Sequence[str]) -> Path:
     return path
 
 
-def main() -> None:
+def main(words: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="the drive in a browser, as one page")
     parser.add_argument("-o", "--out", type=Path, default=ROOT / "build" / "web")
     parser.add_argument("setup", nargs="*", default=SETUPS, help="names or files of set-ups")
-    given = parser.parse_args()
+    given = parser.parse_args(words)
     try:
         build(given.out, given.setup)
     except InputError as error:

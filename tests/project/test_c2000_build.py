@@ -354,17 +354,18 @@ def test_start_sets_the_watchdog_first():
 @pytest.mark.parametrize("device", part(["f28335", "f28377s"], 1))
 def test_image_with_xcp(tree, tmp_path, device):
     """With HT_XCP the drive's images, and only they, have XCP. What the fast interrupt calls of it
-    runs from RAM."""
+    runs from RAM. HT_GATES_ACTIVE_LOW, given beside it, reaches every source."""
     log = stand_ins(tmp_path)
     build = tree / "build" / device
     shutil.rmtree(build, ignore_errors=True)
-    done = configure(tree, device, tmp_path, "-DHT_XCP=ON")
+    done = configure(tree, device, tmp_path, "-DHT_XCP=ON", "-DHT_GATES_ACTIVE_LOW=ON")
     assert done.returncode == 0, done.stdout + done.stderr
     log.unlink()
     command = [CMAKE, "--build", "--preset", device]
     done = subprocess.run(command, cwd=tree, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     calls = [line for line in log.read_text().splitlines() if "--c_file=" in line]
+    assert calls and all(re.search(r"HT_GATES_ACTIVE_LOW=1\b", call) for call in calls)
     ours = [call for call in calls if "/link/xcp/" in call.split("--c_file=")[1]]
     names = sorted(re.search(r"(\w+\.c)", call.split("--c_file=")[1])[1] for call in ours)
     here = [path.name for path in (ROOT / "firmware" / "link" / "xcp").glob("*.c")]

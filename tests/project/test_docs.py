@@ -11,7 +11,10 @@ from hexatorque.firmware import lib, parameters
 from hexatorque.monitor import deadman
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")])
+#: With what the repository's host shows beside them.
+ROOTS = ("README.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md", "paper/criteria.md",
+         ".github/pull_request_template.md")  # fmt: skip
+PAGES = sorted([*(ROOT / name for name in ROOTS), *(ROOT / "docs").glob("*.md")])
 
 
 def anchors(page: Path) -> set[str]:
@@ -44,6 +47,7 @@ HOMES = [
     *(ROOT / "firmware" / room for room in ("", "core", "app", "link", "port", "port/c2000")),
     *(ROOT / "host/hexatorque" / room for room in ("", "plant", "analysis", "drive", "laws")),
     ROOT / "tests/c/fuzz",
+    ROOT / "paper",
 ]
 
 

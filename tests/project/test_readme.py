@@ -29,6 +29,18 @@ def test_the_commands_run_in_their_order(terminals):
         assert (terminals.folder / file).stat().st_size > 0
 
 
+def test_the_start_names_windows_and_the_live_page():
+    """Each with the way to get it: nothing is published that a link could lead to."""
+    text = (ROOT / "README.md").read_text()
+    start = text.partition("\n## Start\n")[2].partition("\n## ")[0]
+    assert "On Windows" in start and "(docs/systems.md)" in start and "`make dist`" in start
+    assert "`make web` writes [a live drive](docs/monitor.md#a-drive-in-the-page)" in start
+    (shown,) = re.findall(r"`(build/web/\S+)`", start)
+    script = (ROOT / "tools/web.py").read_text()
+    assert 'default=ROOT / "build" / "web"' in script and f'"{Path(shown).name}"' in script
+    assert shown in (ROOT / "docs/monitor.md").read_text()
+
+
 def test_the_targets_of_make_exist():
     text = (ROOT / "README.md").read_text()
     targets = set(re.findall(r"(?:`|^    )make ([\w-]+)", text, re.M))

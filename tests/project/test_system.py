@@ -19,7 +19,7 @@ NAMES = re.compile(
     r"sys\.platform|os\.name|platform\.(system|machine|uname)|sys\.getwindowsversion"
     r"|os\.(fork\w*|openpty|mkfifo|getuid|geteuid|getpgid|killpg|kill|setsid|pread|pwrite|ttyname"
     r"|sched_\w+affinity|uname|major|minor|O_DIRECTORY|O_CLOEXEC|startfile)"
-    r"|socket\.(AF_UNIX|SO_PEERCRED)|multiprocessing\.forkserver|forkserver\."
+    r"|socket\.(AF_UNIX|SO_PEERCRED|SO_REUSEADDR)|multiprocessing\.forkserver|forkserver\."
     r"|signal\.(SIGKILL|SIGHUP|SIGSTOP|SIGCONT|SIGUSR\d|SIGALRM|SIGBREAK|pause|alarm|setitimer)"
     r"|start_new_session|pass_fds|preexec_fn|creationflags"
 )

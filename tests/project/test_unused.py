@@ -16,6 +16,7 @@ REASONS = {
     },
     "a library or Python reads it": {
         "no_args_is_help", "showwarning", "daemon_threads", "request_queue_size", "baudrate",
+        "allow_reuse_address",
         "protocol_version", "server_version", "sys_version", "close_connection", "sampler",
         "__pydantic_config__", "CACHE_DIR", "w_m", "on_cell_start", "repo_url", "repo_name",
     },

@@ -40,18 +40,19 @@ OF_ANOTHER_KIND = ("magnet-interior", "db-dtfc", "")
 DURATION_S = 2.0
 
 
-def page_with(setups, tmp_path_factory):
+def page_of(tmp_path_factory, *words):
+    """The folder that `python tools/web.py` writes with these words."""
     for name in web.NEEDED:
         pytest.importorskip(name, reason="pip install 'hexatorque[docs]'")
     folder = tmp_path_factory.mktemp("web")
-    web.build(folder, setups)
+    web.main(["-o", str(folder), *words])
     return folder
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """The folder with the page."""
-    return page_with(web.SETUPS, tmp_path_factory)
+    return page_of(tmp_path_factory)
 
 
 def course_of(case, f_isr_Hz):
@@ -155,10 +156,14 @@ def in_node(built, tmp_path):
 
 
 @needs_node
-def test_bits_of_a_machine_of_another_kind(tmp_path_factory, tmp_path):
+def test_bits_of_a_machine_of_another_kind(tmp_path_factory, tmp_path, monkeypatch):
+    """By the page's command `python tools/web.py mine.toml`."""
     *expected, given = native(OF_ANOTHER_KIND)
-    own = page_with((OF_ANOTHER_KIND[0],), tmp_path_factory)
-    (answer,) = asker(own, tmp_path)(["/course", given])
+    monkeypatch.chdir(tmp_path)
+    Path("mine.toml").write_text(f'setup = "{OF_ANOTHER_KIND[0]}"\n')
+    own = page_of(tmp_path_factory, "mine.toml")
+    assert {path.name for path in own.iterdir()} >= {"drive.html", "drive.wasm", "setups.bin"}
+    (answer,) = asker(own, tmp_path)(["/course", {**given, "setup": "mine"}])
     same_bits(answer["answer"], *expected)
 
 

@@ -9,6 +9,7 @@ import struct
 from typing import Protocol
 
 from ..firmware import FirmwareError
+from ..serial.port import not_listening
 
 #: ASAM's port for XCP.
 PORT = 5555
@@ -31,20 +32,21 @@ class XcpPort:
     def __init__(self, number: int = PORT, host: str = "127.0.0.1") -> None:
         if not 0 <= number <= 65535:
             raise FirmwareError(f"XCP port = {number}: allowed range is 0 .. 65535")
-        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._master: socket.socket | None = None  # by TCP
         self._peer: tuple | None = None  # by UDP
         self._sent = bytearray()  # by the board, not passed on yet
         try:
-            self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            self._listener.bind((host, number))
-            self.number = self._listener.getsockname()[1]
+            self._listener = socket.create_server((host, number))
+        except OSError as error:
+            self._datagrams.close()
+            raise FirmwareError(f"XCP port {number}: {not_listening(error)}") from None
+        self.number = self._listener.getsockname()[1]
+        try:
             self._datagrams.bind((host, self.number))
         except OSError as error:
             self.close()
-            raise FirmwareError(f"XCP port {number}: {error.strerror}") from None
-        self._listener.listen()
+            raise FirmwareError(f"XCP port {number}: {not_listening(error)}") from None
         self._waiting = b""
 
     def close(self) -> None:

@@ -29,6 +29,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
+from .. import system
 from ..commissioning.choices import CHOICES, refusal
 from ..commissioning.excitation import CommissioningError
 from ..commissioning.kinds import kind_of
@@ -90,6 +91,7 @@ class Server(ThreadingHTTPServer):
     #: Connections that wait to be accepted. With the usual 5 a STOP would wait for a second beside
     #: many that say nothing.
     request_queue_size = 512
+    allow_reuse_address = system.PORTS_ARE_REUSED
 
     def __init__(self, monitored: MonitoredDrive, port: int = 0) -> None:
         super().__init__(("127.0.0.1", port), Handler)

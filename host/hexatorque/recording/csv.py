@@ -18,12 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from .. import given
-from . import table
-from .formats import RecordingError, beside, one_line
+from . import plain, table
+from .formats import TEXTS, RecordingError, beside, one_line
 from .journal import COUNTERS, TICK_HZ, Stream, ascending, assemble, fill
 from .recording import (
     DECIMATION,
-    FIRST_TICK,
     Recording,
     check_names,
     from_fields,
@@ -115,6 +114,8 @@ def stream_header(stream: Stream, samples: int | None, meta: dict) -> str:
 
 def load(path: Path) -> Recording:
     text = given.decode(path.read_bytes())
+    if path.suffix.lower() in TEXTS:
+        return _plain(text, "a table of another program")
     json_file = path.with_suffix(".json")
     try:
         fields = json.loads(json_file.read_text(encoding="utf-8"))
@@ -217,7 +218,7 @@ def _as_it_came(stream: Stream, counters: dict, text: str, name: str, closed: bo
 
 def _plain(text: str, why: str) -> Recording:
     """Read a table without a header: it comes from another program, or its .json is lost."""
-    found = table.find(text)
+    found = table.find(table.without_spaces(text))
     at, unit_s, assumed = table.time_column(found)
     columns = found.number_columns(["f8"] * len(found.names))
     notes = [f"{why}: names, units and time are those of the table itself"]
@@ -228,37 +229,7 @@ def _plain(text: str, why: str) -> Recording:
         raise RecordingError(f"{found.name(at)}: no numbers; time in seconds is needed")
     else:
         time_s = times * unit_s
-    rate_Hz, places = table.raster(found, time_s)
-    meta: dict = {}
-    channels, units = {}, {}
-    for n, ((name, unit), column) in enumerate(zip(found.headings, columns)):
-        if n == at or (not name and (column is None or np.isnan(column).all())):
-            continue
-        if column is None:
-            notes.append(f"{found.name(n)} holds no numbers: left out")
-            continue
-        if np.isinf(column).any():
-            row = int(np.argmax(np.isinf(column)))
-            raise RecordingError(f"line {found.line_of(row)}, {found.name(n)}: not a finite number")
-        name = name or found.name(n)
-        if name == "tick":
-            meta.update(_ticks(found, column, places, rate_Hz))
-            continue
-        if name in channels:
-            raise RecordingError(f"two columns are named {name}")
-        units[name], factor = table.si(unit)
-        if factor != 1:
-            column = column * factor
-            notes.append(f"{name}: {unit} are made {units[name]}")
-        channels[name] = fill(places, column)
-    if not channels:
-        raise RecordingError("no column beside the time holds numbers")
-    check_names(channels)
-    lost = np.isnan(np.array(list(channels.values()))).all(axis=0)
-    meta["gaps"] = int(np.sum(np.diff(lost, prepend=False) & lost))
-    meta["lost_samples"] = int(lost.sum())
-    notes.append(f"{len(lost)} samples at {rate_Hz:.9g} Hz")
-    return Recording(rate_Hz, channels, units, meta, float(time_s[0]), notes)
+    return plain.recording(found, columns, at, time_s, notes)
 
 
 def _counted_times(
@@ -284,14 +255,3 @@ def _counted_times(
         )
     assert found.start_s is not None and found.step_s is not None  # time_column said so
     return at, found.start_s + found.step_s * count
-
-
-def _ticks(found: table.Table, column: np.ndarray, places: np.ndarray, rate_Hz: float) -> dict:
-    """The metadata that follow from a column of ticks."""
-    since = np.diff(column, prepend=column[0]) % 2**32
-    step = float(np.sum(since)) / float(places[-1])
-    wrong = ~((since == np.diff(places, prepend=0) * step) & (column % 1 == 0) & (step % 1 == 0))
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise RecordingError(f"line {found.line_of(row)}: tick and time_s do not fit together")
-    return {FIRST_TICK: int(column[0]) % 2**32, DECIMATION: int(step), TICK_HZ: rate_Hz * step}

@@ -26,6 +26,8 @@ SUFFIXES = {
     ".mat": "scipy.io",
     ".parquet": "pyarrow.parquet",
 }
+#: Suffixes of tables that other programs write, such as LTspice and PSIM. They are only read.
+TEXTS = (".txt", ".tsv")
 #: Suffix that is appended while a file is being recorded (`journal`).
 PART = ".part"
 
@@ -76,6 +78,8 @@ def reader(path: Path) -> ModuleType:
     """The module that reads a file: of a closed recording, or of one that was not closed."""
     if path.suffix == PART:
         return import_module(".journal", __package__)
+    if path.suffix.lower() in TEXTS:
+        return import_module(".csv", __package__)
     return module(path.with_suffix(path.suffix.lower()) if path.suffix else path)
 
 

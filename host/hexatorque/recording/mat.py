@@ -1,5 +1,6 @@
 """MATLAB 5: a column per channel under a valid name, `time_s`, a board's `tick`, `rate_Hz`,
-`start_s`, struct `units`, and the header as text in `recording_json`. Library: scipy."""
+`start_s`, struct `units`, and the header as text in `recording_json`. A file without that text is
+another program's (`workspace`). Library: scipy."""
 
 from __future__ import annotations
 
@@ -9,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from . import workspace
+from .formats import RecordingError
 from .recording import Recording, from_header, header_text
 
 LONGEST = 63  #: characters of a name in MATLAB
@@ -64,8 +67,15 @@ def load(path: Path) -> Recording:
     from scipy.io import loadmat
 
     with path.open("rb") as file:
-        contents = loadmat(file)
-    header = str(contents["recording_json"].item())
+        try:
+            contents = loadmat(file, simplify_cells=True)
+        except NotImplementedError:
+            raise RecordingError(
+                "MATLAB 7.3 (HDF5) is not read: save it in MATLAB with -v7"
+            ) from None
+    header = contents.get("recording_json")
+    if not isinstance(header, str):
+        return workspace.recording(contents)
     own = json.loads(header)["variables"]
-    channels = {name: contents[variable].reshape(-1) for variable, name in own.items()}
+    channels = {name: np.reshape(contents[variable], -1) for variable, name in own.items()}
     return from_header(header, channels)

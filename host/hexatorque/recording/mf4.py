@@ -141,6 +141,8 @@ def _contents(file: BinaryIO) -> tuple[bytes, dict[str, np.ndarray]]:
 
     with MDF(file) as mdf:
         names = [str(block.file_name) for block in mdf.attachments]
+        if ATTACHED not in names:
+            raise ValueError("another program made it: export it there as .csv or .mat")
         header = bytes(mdf.extract_attachment(names.index(ATTACHED))[0])
         wanted = [
             (channel.name, group, index)

@@ -24,10 +24,12 @@ from .formats import RecordingError
 DELIMITERS = "\t;,"
 #: The table has to begin within so many lines that are not blank.
 _SAMPLE_LINES = 300
-#: `speed [rpm]`, `Time (s)`, and `in s`, `CH1 in V`
+#: `speed [rpm]`, `Time (s)`, and `in s`, `CH1 in V`, `Time / s`
 _UNIT = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*", re.DOTALL)
-_IN_UNIT = re.compile(r"(?:(.+) )?in ([^\s\d]{1,4})")
-_TIME = re.compile(r"(?:time|t|zeit|temps|tempo|tiempo|x-axis)(?:[ _](\w+))?", re.IGNORECASE)
+_IN_UNIT = re.compile(r"(?:(.+) )?(?:in|/) ([^\s\d]{1,4})")
+#: `V(out)`, `I(L1)`: a node and a part of LTspice, no unit.
+_NODE = re.compile(r"(V|I)[a-z]?\(([^()]+)\)")
+_TIME = re.compile(r"(?:time|t|t_?out|zeit|temps|tempo|tiempo|x-axis)(?:[ _](\w+))?", re.IGNORECASE)
 #: Units of time. Case matters: MS is no time. Some oscilloscopes write S for seconds.
 _SECONDS = {
     "s": 1.0, "S": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "ps": 1e-12,
@@ -167,6 +169,10 @@ class Table:
         """The number of the line that contains a row."""
         return next(number for n, (number, _) in enumerate(self.rows()) if n == row)
 
+    def place(self, row: int) -> str:
+        """Where a row stands, in messages."""
+        return f"line {self.line_of(row)}"
+
     def name(self, column: int) -> str:
         """The name of a column in messages."""
         return self.names[column] or f"column {self.first + column + 1}"
@@ -290,6 +296,16 @@ def _delimiter(lines: list[_Line], known: str) -> str:
     return max(known, key=score)
 
 
+def without_spaces(text: str) -> str:
+    """The text with tabs for the spaces between columns if nothing else separates them, as in
+    PSIM's tables."""
+    rows = [line.split() for line in text.splitlines()[:_SAMPLE_LINES] if line.strip()]
+    numbers = sum(len(row) > 1 and all(map(_is_number, row)) for row in rows)
+    if not rows or 2 * numbers <= len(rows) or "\t" in text or ";" in text:
+        return text
+    return "\n".join("\t".join(line.split()) for line in text.splitlines()) + "\n"
+
+
 def find(text: str) -> Table:
     """Find the table in a text, with its delimiter, its names and its units."""
     lines, delimiters = _first_lines(text)
@@ -379,6 +395,9 @@ def _ends_with_units(above: list[_Line], used: frozenset[int]) -> bool:
 
 
 def _heading(cell: str) -> tuple[str, str]:
+    node = _NODE.fullmatch(cell)
+    if node and si(node[2])[0] not in _WORDS.values():
+        return cell, {"V": "V", "I": "A"}[node[1]]
     name, unit = split(cell)
     found = _IN_UNIT.fullmatch(cell)
     if not unit and found and (seconds_of(found[2]) or si(found[2])[0] in _WORDS.values()):
@@ -451,19 +470,30 @@ def si(unit: str) -> tuple[str, float]:
     return _WORDS.get(unit.lower(), unit), factor
 
 
+def is_time(name: str) -> bool:
+    """Whether a variable of this name is a time: with another word behind it, it is none."""
+    found = _TIME.fullmatch(name)
+    return found is not None and (not found[1] or seconds_of(found[1]) is not None)
+
+
+def as_time(name: str, unit: str, shown: str) -> tuple[float, str] | None:
+    """The unit of a column in seconds, and a text if something was assumed. None: it is no time.
+    shown: its name in messages."""
+    found = _TIME.fullmatch(name)
+    if not found and not (name.lower() in _SECOND_WORDS and not unit):
+        return None
+    unit = unit or (found[1] if found else "s") or ""
+    if unit and seconds_of(unit) is None:
+        raise RecordingError(f"{shown}: time in {unit!r}, known are s, ms, us, ns, ps, min, h")
+    return seconds_of(unit) or 1.0, "" if unit else f"{name} is taken as seconds"
+
+
 def time_column(table: Table) -> tuple[int | None, float, str]:
     """The number of the time column, its unit in seconds, and a text if something was assumed.
     None: the header tells start and increment, so that the rows are counted."""
     for n, (name, unit) in enumerate(table.headings):
-        found = _TIME.fullmatch(name)
-        if not found and not (name.lower() in _SECOND_WORDS and not unit):
-            continue
-        unit = unit or (found[1] if found else "s") or ""
-        if unit and seconds_of(unit) is None:
-            raise RecordingError(
-                f"{table.name(n)}: time in {unit!r}, known are s, ms, us, ns, ps, min, h"
-            )
-        return n, seconds_of(unit) or 1.0, "" if unit else f"{name} is taken as seconds"
+        if found := as_time(name, unit, table.name(n)):
+            return n, *found
     timed = [n for n, (_, unit) in enumerate(table.headings) if unit and seconds_of(unit)]
     if timed == [0]:
         return 0, seconds_of(table.headings[0][1]) or 1.0, ""
@@ -483,48 +513,3 @@ def counted(table: Table, columns: list[np.ndarray | None]) -> int | None:
         if count and columns[n] is not None:
             return n
     return None
-
-
-def raster(table: Table, time_s: np.ndarray) -> tuple[float, np.ndarray]:
-    """The samples per second, and the place of each row. The times must ascend in equal steps; a
-    step may be a multiple where rows are missing. RecordingError otherwise."""
-    if len(time_s) < 2:
-        raise RecordingError("two rows or more are needed to know the time between samples")
-    bad = np.flatnonzero(~np.isfinite(time_s))
-    if len(bad):
-        raise RecordingError(f"line {table.line_of(int(bad[0]))}: no time")
-    number = np.arange(len(time_s))
-    span_s = float(time_s[-1] - time_s[0])
-    step_s = span_s / number[-1]
-    if span_s > 0 and np.all(abs(time_s - time_s[0] - number * step_s) <= SLACK * step_s):
-        return plain_rate(number[-1] / span_s, number[-1]), number
-    steps = np.diff(time_s)
-    step_s = float(np.median(steps))
-    if step_s > 0:
-        places = np.round(steps / step_s)
-        wrong = (np.abs(steps - places * step_s) > SLACK * step_s) | (places < 1)
-    else:
-        wrong = steps <= 0
-    if wrong.any():
-        at = int(np.argmax(wrong))
-        raise RecordingError(
-            f"line {table.line_of(at + 1)}: time goes from {time_s[at]:.9g} s to "
-            f"{time_s[at + 1]:.9g} s, most steps are {step_s:.6g} s: equally spaced samples "
-            "are needed"
-        )
-    if places.sum() - len(steps) > MOST_LOST_ROWS:
-        raise RecordingError(
-            f"{places.sum() - len(steps):.0f} rows are missing: too many to fill in"
-        )
-    places = np.concatenate([[0], np.cumsum(places.astype(np.int64))])
-    return plain_rate(places[-1] / span_s, int(places[-1])), places
-
-
-def plain_rate(rate_Hz: float, samples: int) -> float:
-    """The rate, rounded to the fewest digits that change it by less than a millionth, and the
-    times by less than a hundredth of a step."""
-    for digits in range(1, 17):
-        short = float(f"{rate_Hz:.{digits}g}")
-        if abs(1 - short / rate_Hz) < min(1e-6, 0.01 / samples):
-            return short
-    return rate_Hz

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 import socket
 from contextlib import suppress
 
@@ -19,6 +20,13 @@ CONNECT_S = 3.0
 NO_PORT = "not a serial port"
 
 _MISSING = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
+#: pyserial tells an error of Windows only in its text: the text of an exception whose last number
+#: is of Windows. A port that is in use is "access denied" (5).
+_OF_WINDOWS = re.compile(r"\w+\(.*, None, (\d+)\)\)?$", re.DOTALL)
+_WINDOWS_NUMBERS = {
+    2: errno.ENOENT, 3: errno.ENOENT, 5: errno.EBUSY, 31: errno.ENXIO, 32: errno.EBUSY,
+    87: errno.EINVAL, 433: errno.ENODEV, 1167: errno.ENODEV,
+}  # fmt: skip
 
 
 class Line:
@@ -98,7 +106,7 @@ def _serial(url: str, baud: int) -> serial.Serial:
 def _failed(url: str, baud: int, error: BaseException) -> LinkError:
     number = error_number(error)
     if number in (errno.EBUSY, errno.EAGAIN):
-        return Busy(f"{url}: in use by {system.holder_of(url) or 'a process of another user'}")
+        return Busy(f"{url}: in use by {system.holder_of(url) or system.UNKNOWN_HOLDER}")
     missing = number in _MISSING
     reason = "no such device" if missing else _reason(number, baud) or error
     mistake = missing or reason == NO_PORT or isinstance(error, ValueError)
@@ -106,9 +114,11 @@ def _failed(url: str, baud: int, error: BaseException) -> LinkError:
 
 
 def error_number(error: BaseException | None) -> int | None:
-    """The errno of an error. pyserial keeps some only in the error's cause, and errors of termios
-    have no attribute for it."""
+    """The errno of an error. pyserial keeps some only in the error's cause or its text, and errors
+    of termios have no attribute for it."""
     while error is not None:
+        if found := _OF_WINDOWS.search(str(error)):
+            return _WINDOWS_NUMBERS.get(int(found[1]))
         number = getattr(error, "errno", None) or next(iter(error.args), None)
         if isinstance(number, int):
             return number
@@ -126,3 +136,12 @@ def _reason(number: int | None, baud: int) -> str | None:
     if number == errno.EINVAL:
         return f"the port refuses {baud} baud"
     return None
+
+
+def not_listening(error: OSError) -> str:
+    """Why a program cannot listen at a TCP or UDP port of this computer."""
+    if error.errno == errno.EADDRINUSE:
+        return "in use by another program"
+    if error.errno == errno.EACCES:
+        return "not allowed: taken by the system or by a service"
+    return error.strerror or str(error)

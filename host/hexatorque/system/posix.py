@@ -275,6 +275,13 @@ def keep_others_out(port: serial.Serial) -> None:
             fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
 
 
+#: Who has a port open that is busy, if that cannot be seen.
+UNKNOWN_HOLDER = "a process of another user"
+#: Whether a server takes its TCP port again at once after it has ended. On Windows the option for
+#: it takes a port that another program has.
+PORTS_ARE_REUSED = True
+
+
 class Holder(NamedTuple):
     pid: int
     command: str

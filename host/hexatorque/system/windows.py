@@ -280,6 +280,12 @@ def keep_others_out(port: serial.Serial) -> None:
     """Nothing: a port is open only once."""
 
 
+#: Who has a port open that is busy. Windows says "access denied" whatever the reason.
+UNKNOWN_HOLDER = "another program, or this user may not open it"
+#: Whether a server takes its TCP port again at once: the option takes one in use as well.
+PORTS_ARE_REUSED = False
+
+
 class Holder(NamedTuple):
     pid: int
     command: str

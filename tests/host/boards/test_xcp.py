@@ -145,7 +145,7 @@ def test_a_port_in_use_is_told_in_one_line(serve):
         pipes=("stdout", "stderr"),
     )
     said_too = process.communicate(timeout=WAIT_S)[1].strip()
-    assert f"XCP port {said['xcp']}: Address already in use" in said_too.splitlines()[-1]
+    assert f"XCP port {said['xcp']}: in use by another program" in said_too.splitlines()[-1]
 
 
 # --- pyXCP ----------------------------------------------------------------------------------

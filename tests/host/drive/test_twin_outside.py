@@ -12,6 +12,7 @@ from hexatorque import setups
 from hexatorque.cli.main import main
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.plant.vsd import PHASES
+from hexatorque.recording.mapping import mapped
 from hexatorque.recording.recording import Recording, RecordingError
 from hexatorque.setups import SetupError
 from hexatorque.setups.keys import TIMING_OWNS
@@ -243,3 +244,23 @@ def test_the_command(scope_csv, tmp_path, capsys, monkeypatch):
         assert main(wrong) == 2
         lines = capsys.readouterr().err.strip().splitlines()
         assert len(lines) == 1 and text in lines[0], lines
+
+
+def test_a_file_of_matlab_is_the_bench_that_the_table_is(setup, scope_csv):
+    """The same samples as Simulink's To File writes them: a matrix, the time in its first row."""
+    io = pytest.importorskip("scipy.io", reason=".mat needs scipy")
+    rows = np.genfromtxt(scope_csv, delimiter=",", skip_header=2).T
+    scope_mat = scope_csv.with_suffix(".mat")
+    io.savemat(scope_mat, {"ans": rows})
+    loads, found = ((float("-inf"), LOAD_NM),), []
+    for file, first, name in ((scope_csv, 1, "{}"), (scope_mat, 2, "ans.{}")):
+        maps = [
+            f"{name.format(n)}=i_{p}_A*100" for n, p in enumerate(("u1", "w1", "u2", "w2"), first)
+        ]
+        (rec,) = mapped([str(file)], [Recording.load(file)], maps, None)
+        found.append(bench.read(rec, file, setup, None, loads, SPEED_RPM))
+    table, matlab = found
+    assert set(table.samples) == set(matlab.samples)
+    for name, values in table.samples.items():
+        assert np.array_equal(values, matlab.samples[name], equal_nan=True), name
+    assert np.array_equal(table.omega_rad_s, matlab.omega_rad_s)

@@ -1,6 +1,8 @@
 """The drive FMU, run by FMPy: channels and true values have the simulation's bits, with a broken
 leg and a changing load, and what it cannot do is refused in one line."""
 
+import math
+
 import numpy as np
 import pytest
 import shorted_machine
@@ -176,3 +178,24 @@ def test_a_mistake_is_one_line_and_changes_nothing(made, values, line):
         fmu.set(**values)
     assert fmu.said == [("discard", line)]
     assert fmu.get(*values) == [0]
+
+
+@pytest.mark.parametrize("periods", (1.5, 0.5, 0.0, -1.0, 1.001, math.nan, math.inf))
+def test_a_step_that_is_no_multiple_of_the_period_is_refused(made, periods):
+    """One line and a status; the machine and the time stand still, as if nobody had asked."""
+    _, _, folder = made()
+    asked, other = Fmu(folder).begin(), Fmu(folder).begin()
+    for fmu in (asked, other):
+        fmu.set(run=True, speed_ref_rpm=100.0)
+        fmu.step(20 * fmu.period_s)
+    before, now_s = asked.get(*TRUE), asked.time_s
+    with pytest.raises(FMICallException):
+        asked.step(periods * asked.period_s)
+    ((status, line),) = asked.said
+    assert status == "discard" and "\n" not in line
+    assert line.startswith("communication step = ") and f"allowed is {asked.period_s!r} s" in line
+    assert same(asked.get(*TRUE), before)
+    asked.time_s = now_s
+    for fmu in (asked, other):
+        fmu.step(3 * fmu.period_s)
+    assert same(asked.get(*TRUE), other.get(*TRUE))

@@ -93,6 +93,16 @@ def test_an_mf4_file_has_groups_units_and_its_time(full, tmp_path):
         assert "scheme: ddr" in mdf.header.comment
 
 
+def test_an_mf4_file_of_another_program_is_refused_with_the_way(tmp_path):
+    asammdf = pytest.importorskip("asammdf", reason=".mf4 needs asammdf")
+    time_s = np.arange(100) / 1e3
+    with asammdf.MDF(version="4.10") as mdf:
+        mdf.append([asammdf.Signal(np.sin(time_s), time_s, name="i_u1", unit="A")])
+        mdf.save(tmp_path / "canape.mf4")
+    with pytest.raises(RecordingError, match=r"canape\.mf4: .*another program made it: export it"):
+        Recording.load(tmp_path / "canape.mf4")
+
+
 def test_a_mat_file_has_valid_variables(full, tmp_path):
     io = pytest.importorskip("scipy.io", reason=".mat needs scipy")
     contents = io.loadmat(full.save(tmp_path / "rec.mat"), simplify_cells=True)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hexatorque.given import decode
 from hexatorque.recording import table
 from hexatorque.recording.csv import _plain
-from hexatorque.recording.recording import RecordingError
+from hexatorque.recording.recording import Recording, RecordingError
 
 
 def number(value: float, comma: bool = False) -> str:
@@ -137,6 +137,18 @@ def tabs(times, columns, step):
     return joined(head + rows, "\t")
 
 
+def plecs(times, columns, step):
+    """Units behind a slash, names in quotes."""
+    head = [['"Time / s"', *(f'"Scope {k} / V"' for k in range(len(columns)))]]
+    return joined(head + of_samples(times, columns))
+
+
+def ltspice(times, columns, step):
+    """Nodes in parentheses, which are no units."""
+    head = [["time", *(f"V(n{k})" for k in range(len(columns)))]]
+    return joined(head + of_samples(times, columns), "\t")
+
+
 #: The layout, and the names that it gives its channels.
 LAYOUTS = {
     tektronix: ("CH1", "CH2", "CH3"),
@@ -151,6 +163,8 @@ LAYOUTS = {
     lecroy: ("Ampl",),
     rohde_schwarz: ("CH1", "CH2", "CH3"),
     tabs: ("u0", "u1", "u2"),
+    plecs: ("Scope 0", "Scope 1", "Scope 2"),
+    ltspice: ("V(n0)", "V(n1)", "V(n2)"),
 }
 of_layouts = pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.__name__)
 #: Those with a cell for the time or the number of each sample.
@@ -383,3 +397,40 @@ def test_whole_tables_are_not_read_cell_by_cell(monkeypatch):
     monkeypatch.setattr(table.Table, "_one_by_one", slow)
     for layout in LAYOUTS:
         assert len(read(written(layout, n=2000))) == 2000
+
+
+# -- tables of simulations ------------------------------------------------------------------
+
+
+def test_a_current_of_ltspice_is_in_A_and_a_unit_in_parentheses_is_a_unit():
+    rows = "0\t1\t2\t3\n1e-4\t4\t5\t6\n"
+    rec = read("time\tI(L1)\tId(M1)\tI(mA)\n" + rows)
+    assert rec.units == {"I(L1)": "A", "Id(M1)": "A", "I": "A"}
+    assert rec["I"].tolist() == pytest.approx([3e-3, 6e-3])
+
+
+def test_spaces_separate_columns_where_nothing_else_does():
+    """PSIM's table. Its name says nothing of the format, so a .json beside it is not its header."""
+    times, columns = 1e-4 * np.arange(40), np.random.default_rng(3).normal(size=(2, 40))
+    rows = ["".join(f"{value:16.7E}" for value in row) for row in zip(times, *columns)]
+    rec = read("\n".join(["   Time        I1      V2", *rows, ""]))
+    assert list(rec.channels) == ["I1", "V2"] and rec.rate_Hz == 10e3
+    np.testing.assert_allclose(rec["V2"], columns[1], rtol=1e-6)
+    rows[7] = rows[7].replace("E", "X", 1)
+    with pytest.raises(RecordingError, match=r"^line 9, Time: .* is not a number"):
+        read("\n".join(["Time I1 V2", *rows]))
+    del rows[7]
+    with pytest.raises(RecordingError, match=r"^line 3: 2 cells where there are 3"):
+        read("\n".join(["Time I1 V2", rows[0], rows[1][:32], *rows[2:]]))
+
+
+@pytest.mark.parametrize("ending", [".txt", ".TXT", ".tsv"])
+def test_a_table_under_another_suffix_is_read_and_never_written(ending, tmp_path):
+    path = tmp_path / f"run{ending}"
+    path.write_text(written(ltspice))
+    (tmp_path / "run.json").write_text('{"rate_Hz": 1, "units": {}, "meta": {}}')
+    rec = Recording.load(path)
+    assert list(rec.channels) == ["V(n0)", "V(n1)"]
+    assert rec.notes[0].startswith("a table of another program: ")
+    with pytest.raises(RecordingError, match="unknown suffix, use"):
+        rec.save(path)

@@ -36,6 +36,7 @@ def monitor(port, no_browser, output, device, baud) -> int:
     """
     from ...monitor.monitored_drive import MonitoredDrive
     from ...monitor.server import Server
+    from ...serial.port import not_listening
 
     with (
         until_signal() as ended,
@@ -45,7 +46,7 @@ def monitor(port, no_browser, output, device, baud) -> int:
         try:
             server = Server(monitored, port)
         except OSError as error:
-            raise Mistake(f"--port {port}: {error.strerror or error}") from None
+            raise Mistake(f"--port {port}: {not_listening(error)}") from None
         with server:
             thread = threading.Thread(target=server.serve_forever, daemon=True)
             thread.start()

@@ -188,11 +188,12 @@ def _make(name, settings, load, machine, baud, fast, store):
 
 def _line(tcp: int | None):
     from ...boards.virtual import new_line
+    from ...serial.port import not_listening
 
     try:
         return new_line(tcp)
     except OSError as error:
-        raise Mistake(f"--tcp {tcp}: {error.strerror or error}") from None
+        raise Mistake(f"--tcp {tcp}: {not_listening(error)}") from None
 
 
 class _name:
