@@ -291,6 +291,20 @@ static void configure_least_loss(const float *v, float pull_out_Nm_Wb2, ht_least
     c->wait = (uint32_t)wait;
 }
 
+/* The flux stays raised for so long: at the end of a braking the level limits from time to time. */
+#define BRAKE_HOLD_S 0.1f
+
+static void configure_flux_brake(const float *v, ht_flux_brake_config *c)
+{
+    c->raise_Wb = v[HT_P_flux_brake_share] * v[HT_P_flux_ref_Wb];
+    c->most_Wb = v[HT_P_flux_ref_Wb] + c->raise_Wb;
+    c->hold = BRAKE_HOLD_S * v[HT_P_f_slow_Hz];
+    c->per_check = 0.0f;
+    if (v[HT_P_flux_check] > 0.0f) {
+        c->per_check = 1.0f / (v[HT_P_flux_check] * v[HT_P_flux_check]);
+    }
+}
+
 /* A step of the thermal model takes this share of its shortest time constant. */
 #define HEAT_STEP 0.03125f
 /* Low pass of the squared currents, slow periods: their ripple at twice the current's frequency must
@@ -414,6 +428,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->pull_out_Nm_Wb2 = pull_out(v);
     ht_derating_configure(&c->params, &c->control.observer, &c->derating);
     configure_least_loss(v, c->pull_out_Nm_Wb2, &c->least_loss);
+    configure_flux_brake(v, &c->flux_brake);
     c->sets.gain = 1.0f / (1.0f + SETS_S * v[HT_P_f_slow_Hz]);
     /* Where the x-y currents are large, wrong parameters make more of them in the residual than the
      * sets' difference does. */

@@ -10,6 +10,7 @@
 #include "ht_derating.h"
 #include "ht_device_heat.h"
 #include "ht_excitation.h"
+#include "ht_flux_brake.h"
 #include "ht_heat.h"
 #include "ht_least_loss.h"
 #include "ht_ntc.h"
@@ -56,6 +57,7 @@ typedef struct {
     ht_outputs_config outputs;
     ht_ntc_config ntc[HT_SLOW_CHANNELS];
     ht_index_config index;
+    ht_flux_brake_config flux_brake;
 } ht_drive_config;
 
 /** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,

@@ -411,6 +411,7 @@ static void begin_run(ht_drive *d, float omega)
     d->flux_lowered = 0u;
     d->flux_unknown = 0.0f;
     ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
+    ht_flux_brake_reset(&d->flux_brake);
     ht_drive_enter(d, HT_STATE_RUN);
 }
 

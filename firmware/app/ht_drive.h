@@ -179,6 +179,7 @@ typedef struct {
     uint16_t sensors[HT_SLOW_CHANNELS]; /**< ht_ntc: what their latest readings say */
     ht_index_state index;               /**< the slow interrupt's; nothing but a reset forgets it */
     uint16_t torque_limited_by; /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
+    ht_flux_brake_state flux_brake;
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. No interrupt

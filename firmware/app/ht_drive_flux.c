@@ -4,6 +4,7 @@
 #include "ht_limited.h"
 
 #include <math.h>
+#include <stddef.h>
 
 /* Below the first speed of the flux R_r has no visible effect. From the load HT_LOWER_LOAD on,
  * R_r matters, and the flux is lowered to the share below until its speed is above the second
@@ -62,6 +63,22 @@ static float wanted_Wb(ht_drive *d, const ht_drive_config *c)
     return ht_least_loss_step(&c->least_loss, &d->least_loss, &in, most_Wb);
 }
 
+/* The flux that brakes, or `normal_Wb`. */
+static float braking_Wb(ht_drive *d, const ht_drive_config *c, float normal_Wb)
+{
+    ht_flux_brake_input in;
+    in.limits = ((unsigned)d->limits & (unsigned)HT_LIMIT_VDC_HIGH) != 0u;
+    in.may = (d->off_legs == 0u) && (d->flux_lowered == 0u) && !(d->heat_share < 1.0f);
+    in.torque_share = fabsf(d->in.torque_ref_Nm) / d->torque_limit_Nm;
+    in.flux_Wb = d->flux_ref_Wb;
+    in.along_A = d->along_A;
+    in.most_A = ht_derated_most_A(&c->derating, NULL, d->in.vdc_V, d->flux_ref_Wb);
+    in.off2 = (d->protect.off2 > d->protect.circle2) ? d->protect.off2 : d->protect.circle2;
+    in.turns_V = c->flux.reach_pu * d->in.vdc_V;
+    in.omega_rad_s = d->omega_mean_rad_s;
+    return ht_flux_brake_step(&c->flux_brake, &d->flux_brake, &in, normal_Wb);
+}
+
 /* A new flux reference is approached as fast as in the build-up. The rotor's flux could not follow
  * a step of the stator's. */
 static void ramp_flux(ht_drive *d, const ht_drive_config *c)
@@ -72,6 +89,7 @@ static void ramp_flux(ht_drive *d, const ht_drive_config *c)
     float larger;
     float step;
     float missing;
+    wanted = braking_Wb(d, c, wanted);
     if (d->off_legs != 0u) {
         float most = ht_derated_Wb(&c->derating, ht_drive_derated_A(d, c));
         wanted = (most < wanted) ? most : wanted;

@@ -102,6 +102,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     d->catches = 0u;
     d->off_ticks = 0xFFFFu;
     ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
+    ht_flux_brake_reset(&d->flux_brake);
     d->torque_limit_Nm = d->params.v[HT_P_torque_limit_Nm];
     d->torque_least_Nm = -d->torque_limit_Nm;
     d->torque_limited_by = (uint16_t)HT_LIMIT_TORQUE;

@@ -252,6 +252,32 @@ static bool vdc_fits(const ht_params *p, uint16_t misfit)
     return result;
 }
 
+/* The largest raised flux, over the trip. */
+#define RAISED_SHARE (1.0f / 1.2f)
+
+/* The demands of flux braking. */
+static bool flux_brake_fits(const float *v, uint16_t misfit)
+{
+    bool result = true;
+    switch ((ht_misfit)misfit) {
+    case HT_MISFIT_FLUX_BRAKE:
+        result = v[HT_P_machine] == 0.0f;
+        break;
+    case HT_MISFIT_FLUX_BRAKE_LEVEL:
+        result = v[HT_P_vdc_high_V] > 0.0f;
+        break;
+    case HT_MISFIT_FLUX_BRAKE_VOLTAGE:
+        result = v[HT_P_field_weakening] != 0.0f;
+        break;
+    case HT_MISFIT_FLUX_BRAKE_TRIP:
+    default:
+        result = (1.0f + v[HT_P_flux_brake_share]) * v[HT_P_flux_ref_Wb]
+                 <= RAISED_SHARE * v[HT_P_flux_trip_Wb];
+        break;
+    }
+    return result;
+}
+
 /* The demands of relay, brake and chopper. */
 static bool outputs_fit(const float *v, uint16_t misfit)
 {
@@ -385,6 +411,12 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         break;
     case HT_MISFIT_LEAST_LOSS:
         result = (v[HT_P_machine] == 0.0f) || (v[HT_P_flux_least_loss] == 0.0f);
+        break;
+    case HT_MISFIT_FLUX_BRAKE:
+    case HT_MISFIT_FLUX_BRAKE_LEVEL:
+    case HT_MISFIT_FLUX_BRAKE_VOLTAGE:
+    case HT_MISFIT_FLUX_BRAKE_TRIP:
+        result = (v[HT_P_flux_brake_share] == 0.0f) || flux_brake_fits(v, misfit);
         break;
     case HT_MISFIT_XY_RIPPLE:
         result = f_isr_Hz >= ht_misfit_ripple_Hz(p);

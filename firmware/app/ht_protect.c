@@ -16,6 +16,7 @@ void ht_protect_reset(ht_protect_state *st)
         st->same[leg] = 0u;
     }
     st->circle2 = 0.0f;
+    st->off2 = 0.0f;
     st->rotor_Wb = 0.0f;
     st->rotor_now_Wb = 0.0f;
     st->i_A.alpha = 0.0f;
@@ -201,6 +202,7 @@ void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
  * beyond the limit? */
 static uint16_t flux_beyond(const ht_protect_config *cfg, ht_protect_state *st, float off2)
 {
+    st->off2 = off2;
     st->circle2 += cfg->flux_gain * (off2 - st->circle2);
     if ((cfg->flux_check > 0.0f) && !(st->circle2 <= cfg->flux_check * cfg->flux_check)) {
         return HT_FAULT_FLUX;

@@ -55,6 +55,7 @@ typedef struct {
     float speed_error_rpm; /**< mean of measured minus estimated speed */
     float counts_quick;    /**< with magnets: means of the encoder's counts in a period */
     float counts_slow;
+    float off2; /**< the latest square that `circle2` is the mean of */
 } ht_protect_state;
 
 void ht_protect_reset(ht_protect_state *st);

@@ -176,6 +176,22 @@ CASES = {
         {"device_K_W": 1.0, "device_limit_degC": 40.0},
         "device_limit_degC = 40 degC, ambient_degC = 40 degC: with a model of the power stage",
     ),
+    "FLUX_BRAKE": (
+        {**MAGNET, "flux_brake_share": 0.3, "vdc_high_V": 350.0},
+        "flux_brake_share = 0.3, machine = magnet: with magnets it must be 0: the losses of a raised",
+    ),
+    "FLUX_BRAKE_LEVEL": (
+        {"flux_brake_share": 0.3},
+        "flux_brake_share = 0.3, vdc_high_V = 0 V: the flux is raised while the upper level",
+    ),
+    "FLUX_BRAKE_VOLTAGE": (
+        {"flux_brake_share": 0.3, "vdc_high_V": 350.0, "field_weakening": "off"},
+        "flux_brake_share = 0.3, field_weakening = off: with a share the second must be on",
+    ),
+    "FLUX_BRAKE_TRIP": (
+        {"flux_brake_share": 0.3, "vdc_high_V": 350.0, "flux_trip_Wb": 0.93},
+        "flux_brake_share = 0.3, flux_trip_Wb = 0.93 Wb: 1.2 times the raised flux, (1 + flux",
+    ),
 }
 
 
