@@ -23,18 +23,22 @@ static unsigned limit_torque(const ht_drive *d, const float *v, float *least_Nm,
     return nearer;
 }
 
-/* The speed reference on its way: by the ramp, or down to a standstill. A ramp begins at the speed that is
+/* Take over what the parameter `motion` asks for, whatever the brake does. A ramp begins at the speed that is
  * measured. */
-static float speed_ref_rpm(ht_drive *d, const ht_drive_config *c)
+static void follow_motion(ht_drive *d, uint16_t motion)
 {
-    const float *v = c->params.v;
-    uint16_t motion = (uint16_t)v[HT_P_motion];
-    bool stops = motion != (uint16_t)HT_MOTION_FOLLOW;
     if (motion != d->motion) {
         d->motion = motion;
         d->stop_ticks = 0.0f;
         ht_ramp_reset(&d->ramp, d->speed_rpm);
     }
+}
+
+/* The speed reference on its way: by the ramp, or down to a standstill. */
+static float speed_ref_rpm(ht_drive *d, const ht_drive_config *c)
+{
+    const float *v = c->params.v;
+    bool stops = d->motion != (uint16_t)HT_MOTION_FOLLOW;
     return ht_ramp_step(stops ? &c->stop : &c->ramp, &d->ramp, stops ? 0.0f : v[HT_P_speed_ref_rpm],
                         d->speed_rpm, (d->limits & ~(unsigned)HT_LIMIT_RAMP) != 0u);
 }
@@ -76,6 +80,7 @@ void ht_drive_follow_reference(ht_drive *d, const ht_drive_config *c)
     unsigned acts = vdc_acts;
     ht_brake brake = ht_outputs_brake(&c->outputs, &d->outputs, d->control.estimate.torque_Nm,
                                       v[HT_P_motion] == (float)HT_MOTION_FOLLOW);
+    follow_motion(d, (uint16_t)v[HT_P_motion]);
     d->torque_least_Nm =
         -((negative_Nm > 0.0f) ? ht_smaller(d->torque_limit_Nm, negative_Nm) : d->torque_limit_Nm);
     nearer = limit_torque(d, v, &least_Nm, &most_Nm);
@@ -98,7 +103,6 @@ void ht_drive_follow_reference(ht_drive *d, const ht_drive_config *c)
         acts |= (unsigned)HT_LIMIT_BRAKE;
     } else if ((v[HT_P_control_mode] != 0.0f) && (v[HT_P_motion] == (float)HT_MOTION_FOLLOW)) {
         d->torque_ref_Nm = ht_between(v[HT_P_torque_ref_Nm], least_Nm, most_Nm);
-        d->motion = (uint16_t)HT_MOTION_FOLLOW;
         ht_ramp_reset(&d->ramp, d->speed_rpm);
         ht_speed_follow(&d->speed, d->torque_ref_Nm); /* no step on the return to speed mode */
     } else {

@@ -20,7 +20,10 @@ SETUPS = (
     "paper-a", "paper-a-feasible", "paper-b", "paper-b-fitted", "small-2kw", "large-110kw",
     "symmetrical",
 )  # fmt: skip
-SCHEMES = ("dtc3", "ddr", "db-dtfc", "foc")
+#: Without dtc1: `check` refuses it on two of the machines, whose trip its x-y current reaches.
+SCHEMES = tuple(scheme for scheme in firmware.schemes() if scheme != "dtc1")
+#: Their mean torque is its reference. That of db-ipwm is estimated 23 % off where R_r is 30 % off.
+MEAN = ("db-dtfc", "foc", "foc-24")
 WAIT_S = 0.3
 
 
@@ -131,7 +134,7 @@ def test_a_step_from_10_to_100_per_cent_of_torque_never_trips(case):
     assert not sim.faults
     if case.setup != "paper-b-fitted":  # its flux is little from the beginning
         assert flux_Wb < 0.8 * sim.setup.parameter("flux_ref_Wb")
-    if case.setup != "paper-a" and case.scheme not in ("dtc3", "ddr"):  # A asks for too much
+    if case.setup != "paper-a" and case.scheme in MEAN:  # A asks for too much
         assert torque == pytest.approx(1.0, abs=0.15)
 
 

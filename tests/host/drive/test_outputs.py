@@ -93,6 +93,22 @@ def test_what_the_torque_before_the_release_is_for():
     assert fell.lowest_rpm < -15, fell.lowest_rpm
 
 
+@pytest.mark.parametrize("before", ("the torque is there", "the brake is open"))
+def test_a_stop_that_comes_before_the_load_is_held_ends_with_the_gates_off(before):
+    """While torque is built, or the brake opens, `motion` = stop is obeyed as well: the drive had
+    held its torque against the closed brake without an end."""
+    hoist = started()
+    if before == "the brake is open":
+        while not hoist.told_open:
+            hoist.run(0.002)
+    hoist.sim.set("motion", "stop")
+    hoist.run(0.05)
+    assert not hoist.told_open
+    hoist.run(CLOSE_S)
+    assert hoist.sim.state == "idle" and hoist.held
+    assert hoist.lowest_rpm > -12
+
+
 @pytest.mark.parametrize("end", ("trip", "stop"))
 def test_what_takes_the_gates_off_closes_the_brake_at_once(end):
     hoist = started()

@@ -18,7 +18,7 @@ HIGH, LOW = 1.25, 0.8
 DIPS_S = (0.05, 0.3, 1.0)
 SETUPS = {
     "paper-a-feasible": 1215.0, "paper-b": 2000.0, "small-2kw": 2500.0, "large-110kw": 900.0,
-    "magnet-interior": 2500.0, "symmetrical": 1200.0,
+    "magnet-interior": 2500.0, "magnet-surface": 560.0, "symmetrical": 1200.0,
 }  # fmt: skip
 MANOEUVRES = ("brake", "reverse", "weakening", *DIPS_S)
 
