@@ -277,17 +277,27 @@ def test_a_drive_takes_keys_and_text_as_a_setup_does():
     assert (drive.get("scheme"), drive.get("controller.speed_ref_rpm")) == ("dtc3", 400.5)
     drive.set("load_Nm", "1,5")
     assert drive.load_Nm == 1.5
-    for name, value, line in [
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "line"),
+    [
         ("sped_ref_rpm", 1, "no parameter 'sped_ref_rpm'; did you mean 'speed_ref_rpm'?"),
         ("machine.rs_ohm", 1, "section machine belongs to a set-up; did you mean 'controller.rs_o"),
         ("rs_ohm", -1, "rs_ohm = -1: allowed range is 0 .. 1000 ohm"),
         ("rs_ohm", "much", "rs_ohm = 'much': a number is needed"),
         ("scheme", "dtc9", "scheme = 'dtc9': choose one of dtc1"),
         ("load_Nm", "much", "load_Nm = much: a finite number is needed"),
-    ]:
-        with pytest.raises(InputError) as caught:
-            drive.set(name, value)
-        assert line in str(caught.value)
+    ],
+)
+def test_a_drive_says_what_is_wrong_with_a_key_or_a_value(name, value, line):
+    with pytest.raises(InputError) as caught:
+        hexatorque.SimulatedDrive(PAPER_B).set(name, value)
+    assert line in str(caught.value)
+
+
+def test_a_drive_has_no_key_that_it_does_not_know():
+    drive = hexatorque.SimulatedDrive(PAPER_B)
     with pytest.raises(InputError, match="no parameter 'x'; known: scheme"):
         drive.get("x")
 

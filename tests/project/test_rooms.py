@@ -158,16 +158,20 @@ def test_the_package_is_asked_for_its_version_only():
     assert names - modules <= {"__version__", "_firmware"}  # the latter opens the compiled library
 
 
+#: Files with imports of all forms.
+IMPORTS = {
+    "p/__init__.py": "",
+    "p/a.py": "from . import b\nimport p.c\n",
+    "p/b.py": "def f():\n    from .q.d import thing\n",
+    "p/c.py": "from .q import d as other\n",
+    "p/q/__init__.py": "word = 1\n",
+    "p/q/d.py": "import os\nfrom . import word\n",
+}
+
+
 def test_the_check_sees_what_it_looks_for(tmp_path):
     """The check finds imports of all forms, at the top and in functions."""
-    for name, text in {
-        "p/__init__.py": "",
-        "p/a.py": "from . import b\nimport p.c\n",
-        "p/b.py": "def f():\n    from .q.d import thing\n",
-        "p/c.py": "from .q import d as other\n",
-        "p/q/__init__.py": "word = 1\n",
-        "p/q/d.py": "import os\nfrom . import word\n",
-    }.items():
+    for name, text in IMPORTS.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     graph = graph_of(tmp_path)

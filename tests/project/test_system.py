@@ -82,19 +82,19 @@ def public(file: str) -> dict[str, str]:
     return found
 
 
+def names_of_the_room(source: str) -> set[str]:
+    """The names of host/hexatorque/system that a source uses."""
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "system":
+            found.add(node.attr)
+        elif isinstance(node, ast.ImportFrom) and node.module == "system":
+            found |= {alias.name for alias in node.names}
+    return found
+
+
 def test_both_systems_offer_the_same():
-    used = {
-        node.attr
-        for file in FILES
-        for node in ast.walk(ast.parse(file.read_text()))
-        if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "system"
-    } | {
-        alias.name
-        for file in FILES
-        for node in ast.walk(ast.parse(file.read_text()))
-        if isinstance(node, ast.ImportFrom) and node.module == "system"
-        for alias in node.names
-    }
+    used = set().union(*(names_of_the_room(file.read_text()) for file in FILES))
     here, there = public("posix.py"), public("windows.py")
     assert len(used) > 20 and used - {"zig_target"} <= set(here)
     assert {name: here[name] for name in used & set(here)} == {

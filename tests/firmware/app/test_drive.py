@@ -88,6 +88,18 @@ class Bench:
         measured(self).flux_ref_Wb = self.drive.flux_ref_Wb
         self.drive.control.estimate.psi_Wb = [self.drive.flux_ref_Wb, 0.0]
 
+    @property
+    def cmpa(self):
+        """The compare value of each leg."""
+        base, stride = CMPA[self.device]
+        return [int(self.words[base + leg * stride]) for leg in range(6)]
+
+    @cmpa.setter
+    def cmpa(self, counts):
+        base, stride = CMPA[self.device]
+        for leg in range(6):
+            self.words[base + leg * stride] = counts
+
     def slow(self):
         """Run a fast interrupt and then a slow one."""
         self.drive.tick_last = (self.drive.tick - 1) & 0xFFFFFFFF
@@ -138,11 +150,18 @@ OF_CONTROL = (
 )  # fmt: skip
 
 
+def channels(bench):
+    """All channels by name, read together."""
+    names = [name for name, _ in firmware.channels()]
+    values = np.empty(len(names), np.float32)
+    lib.ht_channels_read(bench.drive, ffi.cast("float *", values.ctypes.data))
+    return dict(zip(names, values, strict=True))
+
+
 @pytest.mark.parametrize("mode", ("drive", "test"))
 def test_what_the_control_computes_is_nan_while_it_does_not_run(mode):
     """Otherwise recordings and plots would show its last values as if they were present ones: a
     torque without any current, a flux after a fault."""
-    names = [name for name, _ in firmware.channels()]
     bench = Bench(start_mode="drive", test_s=0.01)
     bench.run_to("run").fast(5)
     assert bench.controller.channel("flux_ref_Wb") > 0.0
@@ -153,18 +172,19 @@ def test_what_the_control_computes_is_nan_while_it_does_not_run(mode):
         if n == 300:
             bench.vdc = 1000.0  # a fault
         controls = bench.controller.condition.controls
-        values = np.empty(len(names), np.float32)
-        lib.ht_channels_read(bench.drive, ffi.cast("float *", values.ctypes.data))
-        for id, name in enumerate(names):
+        for id, (name, value) in enumerate(channels(bench).items()):
             blank = name in OF_CONTROL and not controls
-            assert np.isnan(values[id]) == blank, (name, bench.state)
+            assert np.isnan(value) == blank, (name, bench.state)
             one = np.float32(lib.ht_channel_read(bench.drive, id))
-            assert np.array_equal(one, values[id], equal_nan=True)
+            assert np.array_equal(one, value, equal_nan=True)
         bench.fast()
 
 
-@pytest.mark.parametrize("mode", ("drive", "test"))
-def test_the_table_of_states_tells_when_gates_may_be_on(mode):
+@pytest.mark.parametrize(
+    ("mode", "wanted"),
+    [("drive", {"calibrate", "build", "run", "fault"}), ("test", {"idle", "calibrate", "test"})],
+)
+def test_the_table_of_states_tells_when_gates_may_be_on(mode, wanted):
     """Gates are on in no state without that flag. A drive that is not at work stays off until a
     command; one that is at work does without."""
     bench = Bench(start_mode=mode, test_s=0.01)
@@ -179,23 +199,20 @@ def test_the_table_of_states_tells_when_gates_may_be_on(mode):
         assert now.at_work or not (now.gates_on or now.controls)
         if n == 300:
             bench.vdc = 1000.0  # a fault
-    wanted = (
-        {"idle", "calibrate", "test"} if mode == "test" else {"calibrate", "build", "run", "fault"}
-    )
     assert {state.name for state in seen} == wanted
+
+
+def test_of_an_unknown_state_everything_is_assumed():
     unknown = firmware.State.of("", lib.ht_state_flags(lib.HT_STATES))
-    assert unknown == firmware.State("")  # of an unknown one everything is assumed
+    assert unknown == firmware.State("")
 
 
 def test_legs_are_low_before_the_gates_come_on(bench):
     """During calibration the pattern has no edge, and its start level is low."""
-    base, stride = CMPA[bench.device]
-    for leg in range(6):
-        bench.words[base + leg * stride] = 77
+    bench.cmpa = 77
     bench.controller.start()
     bench.fast()
-    period = bench.drive.config.control.period.counts
-    assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
+    assert bench.cmpa == [bench.drive.config.control.period.counts] * 6
 
 
 def test_before_the_first_interrupt_nothing_is_measured(bench):
@@ -237,17 +254,14 @@ def test_the_speed_regulator_begins_without_an_integral(bench):
 def test_an_interrupt_within_a_start_does_no_harm(bench):
     """A start sets the ticks to zero first and the state last. An interrupt in between must not use
     up the tick in which the legs go low, and it must not count as a sample of the offsets."""
-    base, stride = CMPA[bench.device]
     bench.offset[:] = 100
     bench.controller.start()
     bench.drive.state = lib.HT_STATE_IDLE
     bench.fast()
     bench.drive.state = lib.HT_STATE_CALIBRATE
-    for leg in range(6):
-        bench.words[base + leg * stride] = 77
+    bench.cmpa = 77
     bench.fast()
-    period = bench.drive.config.control.period.counts
-    assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
+    assert bench.cmpa == [bench.drive.config.control.period.counts] * 6
     while bench.state == "calibrate":
         bench.fast()
     assert bench.state == "build"
@@ -700,27 +714,29 @@ def test_a_new_set_up_includes_what_waits_and_leaves_nothing_to_wait_for(bench):
     assert bench.drive.config.control.observer.torque_gain == 9.0  # three for each pole pair
 
 
-def test_a_write_sets_all_parameters_or_none(bench):
+IDS = {name: row.id for name, row in parameters().items()}
+
+
+@pytest.mark.parametrize(
+    ("last", "value", "result", "where"),
+    [
+        (IDS["torque_ref_Nm"], np.nan, lib.HT_ERROR_VALUE, IDS["torque_ref_Nm"]),
+        (IDS["torque_ref_Nm"], 1e9, lib.HT_ERROR_VALUE, IDS["torque_ref_Nm"]),
+        (9999, 0.0, lib.HT_ERROR_ID, 9999),
+        (IDS["pole_pairs"], 3.0, lib.HT_ERROR_STATE, IDS["pole_pairs"]),
+        (IDS["flux_min_Wb"], 50.0, lib.HT_ERROR_CONFIG, lib.HT_MISFIT_FLUX_MIN),
+    ],
+)
+def test_a_write_sets_all_parameters_or_none(bench, last, value, result, where):
     bench.run_to("run").fast()
-    rows = [parameters()[n] for n in ("torque_ref_Nm", "kp_speed_Nms_rad", "torque_band_Nm")]
+    ids = [IDS[name] for name in ("torque_ref_Nm", "kp_speed_Nms_rad", "torque_band_Nm")]
     at = ffi.new("uint16_t *")
-    for last, result, where in (
-        ((rows[0].id, np.nan), lib.HT_ERROR_VALUE, rows[0].id),
-        ((rows[0].id, 1e9), lib.HT_ERROR_VALUE, rows[0].id),
-        ((9999, 0.0), lib.HT_ERROR_ID, 9999),
-        ((parameters()["pole_pairs"].id, 3.0), lib.HT_ERROR_STATE, parameters()["pole_pairs"].id),
-        (
-            (parameters()["flux_min_Wb"].id, 50.0),
-            lib.HT_ERROR_CONFIG,
-            lib.HT_MISFIT_FLUX_MIN,
-        ),
-    ):
-        ids, values = [*(row.id for row in rows), last[0]], [1.0, 2.0, 3.0, last[1]]
-        before = list(bench.drive.params.v)
-        assert lib.ht_drive_write(bench.drive, ids, values, 4, at) == result
-        assert at[0] == where
-        bench.fast(3)
-        assert list(bench.drive.params.v) == before == list(bench.drive.config.params.v)
+    before = list(bench.drive.params.v)
+    given = [1.0, 2.0, 3.0, value]
+    assert lib.ht_drive_write(bench.drive, [*ids, last], given, 4, at) == result
+    assert at[0] == where
+    bench.fast(3)
+    assert list(bench.drive.params.v) == before == list(bench.drive.config.params.v)
 
 
 def pull_out_Nm(flux_Wb):
@@ -1052,23 +1068,22 @@ def test_a_pulse_that_the_board_does_not_allow_is_refused(bench, state):
     assert lib.ht_drive_init(bench.drive, bench.controller.port, params) == VALUE
 
 
-@pytest.mark.parametrize("device", ("f28335", "f28377s"))
-def test_dead_time_is_rounded_up(device):
+@pytest.mark.parametrize(
+    ("device", "clock", "registers", "most"),
+    [("f28335", 150, (0x6810, 0x6811), 6.82), ("f28377s", 100, (0x4051, 0x4053), 20.0)],
+)
+def test_dead_time_is_rounded_up(device, clock, registers, most):
     """The dead time is never shorter than requested, and never a whole count longer. A value
     that is a whole number of counts except for rounding (2.3 us are 230 of 10 ns) gives that
     number."""
-    clock = {"f28335": 150, "f28377s": 100}[device]
-    first = {"f28335": 0x6810, "f28377s": 0x4051}[device]
-    second = {"f28335": 0x6811, "f28377s": 0x4053}[device]
-    most = {"f28335": 6.82, "f28377s": 20.0}[device]
     bench = Bench(device)
     whole = {1.0: clock, 2.0: 2 * clock, 2.3: 23 * clock // 10, most: round(most * clock)}
     exact = [count / clock for count in range(clock, round(most * clock), 37)]
     between = [1.001, 1.0051, 2.301, 2.2999, 3.333, 6.0007, 6.7939]
     for us in (*whole, *exact, *between):
         bench.controller.set("dead_time_us", us)
-        counts = int(bench.words[first])
-        assert counts == int(bench.words[second]) == whole.get(us, counts)
+        counts, other = (int(bench.words[register]) for register in registers)
+        assert counts == other == whole.get(us, counts)
         assert -0.011 <= counts - us * clock < 1 - 0.009, us
     assert bench.controller.registers.violations == 0
 
@@ -1231,12 +1246,7 @@ def test_channels_carry_the_state(bench):
     bench.run_to("run")
     bench.amperes[2] = 1.5
     bench.fast()
-    out = ffi.new("float[]", lib.ht_channel_count())
-    lib.ht_channels_read(bench.drive, out)
-    names = [
-        ffi.string(lib.ht_channel_describe(n).name).decode() for n in range(lib.ht_channel_count())
-    ]
-    values = dict(zip(names, out, strict=True))
+    values = channels(bench)
     assert values["state"] == lib.HT_STATE_RUN
     assert values["i_w1_A"] == pytest.approx(1.5, abs=0.01)
     assert values["vdc_V"] == pytest.approx(250, abs=0.1)
@@ -1245,6 +1255,10 @@ def test_channels_carry_the_state(bench):
     l_xy = bench.drive.config.control.observer.lxy_H
     assert values["psi_x_Wb"] == pytest.approx(-l_xy * 1.5 / 6, rel=0.02)
     assert values["psi_y_Wb"] == pytest.approx(-l_xy * 1.5 * 0.288675, rel=0.02)
+
+
+def test_there_are_no_more_channels_than_are_described():
+    assert len(firmware.channels()) == lib.ht_channel_count()
     assert lib.ht_channel_describe(lib.ht_channel_count()) == ffi.NULL
 
 
@@ -1338,24 +1352,23 @@ def test_slow_faults_do_not_count_with_the_gates_off(bench, state):
     assert bench.state == state
 
 
-def test_flux_that_turns_in_the_build_up(bench):
+@pytest.mark.parametrize(
+    ("share", "rpm", "found"),
+    [(0.15, 500.0, False), (0.5, 95.0, False), (0.5, -105.0, True), (0.5, 105.0, True)],
+)
+def test_flux_that_turns_in_the_build_up(bench, share, rpm, found):
     """The flux turns 100 r/min faster than the encoder: the shaft turns, but the encoder does
     not."""
     bench.controller.set("build_s", 0.1)
     bench.controller.set("encoder_trip_rpm", 150.0)
     electrical = 2 * np.pi / 30  # rad/s per r/min, two pole pairs
-    cases = ((0.15, 500.0, False), (0.5, 95.0, False), (0.5, -105.0, True), (0.5, 105.0, True))
-    for share, rpm, found in cases:
-        if bench.drive.faults:
-            bench.controller.clear()
-        bench.run_to("build").fast(int(1000 * share))
-        bench.drive.control.observer.omega_sync_rad_s = rpm * electrical
-        bench.slow()
-        bench.fast()
-        assert (bench.state == "fault") == found
-        assert bench.gates_on != found
-        bench.controller.stop()
-    assert bench.drive.faults == lib.HT_FAULT_ENCODER
+    bench.run_to("build").fast(int(1000 * share))
+    bench.drive.control.observer.omega_sync_rad_s = rpm * electrical
+    bench.slow()
+    bench.fast()
+    assert (bench.state == "fault") == found
+    assert bench.gates_on != found
+    assert bench.drive.faults == (lib.HT_FAULT_ENCODER if found else 0)
 
 
 def test_flux_that_turns_in_the_build_up_with_the_check_off(bench):
@@ -1441,14 +1454,17 @@ def test_the_protection_limits_follow_from_the_parameters(bench):
     assert c.slip_gain == pytest.approx(2 * (0.284 / 0.299) ** 2, rel=1e-5)
     assert c.rpm_per_rad_s == pytest.approx(60 / (2 * np.pi) / 2, rel=1e-5)
     assert c.stuck_counts == pytest.approx(1.5 / (2 * I_FULL / 4096), rel=1e-5)
-    # Low-passes of 0.2 s and 50 ms, whatever the slow loop's frequency.
-    for f in (10.0, 40.0, 100.0, 500.0):
-        bench.controller.set("f_slow_Hz", f)
-        c = bench.drive.config.protect
-        # The mean lags by half a period, the filter of the flux's speed by 5 ms.
-        assert c.estimate_back == pytest.approx(0.5 - 0.005 * f, abs=1e-6)
-        for gain, seconds in ((c.flux_gain, 0.2), (c.encoder_gain, 0.05)):
-            assert gain / (1 - gain) == pytest.approx(1 / (seconds * f), rel=1e-4)
+
+
+@pytest.mark.parametrize("f", (10.0, 40.0, 100.0, 500.0))
+def test_the_filters_of_the_protection_keep_their_times_at_any_slow_frequency(bench, f):
+    """Low-passes of 0.2 s and 50 ms. The mean lags by half a period, the filter of the flux's speed
+    by 5 ms."""
+    bench.controller.set("f_slow_Hz", f)
+    c = bench.drive.config.protect
+    assert c.estimate_back == pytest.approx(0.5 - 0.005 * f, abs=1e-6)
+    for gain, seconds in ((c.flux_gain, 0.2), (c.encoder_gain, 0.05)):
+        assert gain / (1 - gain) == pytest.approx(1 / (seconds * f), rel=1e-4)
 
 
 def kept(bench):

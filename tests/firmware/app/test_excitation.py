@@ -89,24 +89,31 @@ def test_voltages_beyond_the_link_are_cut_to_what_leaves_room_for_both_edges():
     assert np.abs(late).max() == pytest.approx(0.2 * VDC_V, abs=0.2)
 
 
-@pytest.mark.parametrize("wave", ["square", "square-ab", "square-xy", "rotate"])
-def test_waves(wave):
-    """250 Hz at 10 kHz: 40 periods a cycle; over 50 cycles the angle must not drift."""
-    ticks, vector = 2000, np.array([20.0, 0, 6, -4])
+def fifty_cycles(vector, wave):
+    """The vectors seen and the angle, of 250 Hz at 10 kHz: 40 periods a cycle. Over 50 cycles the
+    angle must not drift."""
+    ticks = 2000
     seen = patterns(configuration(vector, wave, 250.0), ticks) @ TRANSFORM.T
-    angle = 2 * np.pi * 250 / 10000 * np.arange(ticks)
-    if wave == "rotate":
-        expected = np.column_stack(
-            [20 * np.cos(angle), 20 * np.sin(angle), np.full(ticks, 6), np.full(ticks, -4)]
-        )
-        assert seen == pytest.approx(expected, abs=0.05)
-        return
+    return seen, 2 * np.pi * 250 / 10000 * np.arange(ticks)
+
+
+def test_a_wave_that_rotates_turns_alpha_beta_and_leaves_xy():
+    seen, angle = fifty_cycles(np.array([20.0, 0, 6, -4]), "rotate")
+    rest = np.ones_like(angle)
+    expected = np.column_stack([20 * np.cos(angle), 20 * np.sin(angle), 6 * rest, -4 * rest])
+    assert seen == pytest.approx(expected, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("wave", "constant"),
+    [("square", slice(0)), ("square-ab", slice(2, 4)), ("square-xy", slice(0, 2))],
+)
+def test_a_square_wave_changes_the_sign_of_its_planes(wave, constant):
+    vector = np.array([20.0, 0, 6, -4])
+    seen, angle = fifty_cycles(vector, wave)
     sure = np.abs(np.cos(angle)) > 1e-3  # the very edge may fall on either side
     expected = np.sign(np.cos(angle))[:, None] * vector
-    if wave == "square-ab":
-        expected[:, 2:] = vector[2:]
-    if wave == "square-xy":
-        expected[:, :2] = vector[:2]
+    expected[:, constant] = vector[constant]
     assert seen[sure] == pytest.approx(expected[sure], abs=0.06)
 
 

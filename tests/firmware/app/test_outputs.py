@@ -86,8 +86,8 @@ def phases(cfg, st, torques, follows=True):
 
 
 @pytest.mark.parametrize("sign", (1, -1))
-def test_the_brake_opens_when_the_torque_is_there_and_closes_before_it_goes(make, sign):
-    cfg, st = make(brake_open_s=0.1, brake_close_s=0.2, brake_Nm=8.0 * sign)
+def test_the_brake_opens_when_the_torque_is_there(make, sign):
+    cfg, st = make(brake_open_s=0.1, brake_Nm=8.0 * sign)
     too_little = (0.0, 7.0, -9.0, 7.1)
     assert phases(cfg, st, [sign * x for x in too_little]) == [lib.HT_BRAKE_BUILDS] * 4
     # A single sample is ripple.
@@ -97,6 +97,13 @@ def test_the_brake_opens_when_the_torque_is_there_and_closes_before_it_goes(make
     assert lib.ht_outputs_lifted(cfg, st) and st.brake == lib.HT_BRAKE_OPENS
     seen = phases(cfg, st, [0.0] * 12)
     assert seen[:9] == [lib.HT_BRAKE_OPENS] * 9 and seen[11] == lib.HT_BRAKE_OPEN
+
+
+@pytest.mark.parametrize("sign", (1, -1))
+def test_the_brake_closes_before_the_torque_goes(make, sign):
+    cfg, st = make(brake_open_s=0.1, brake_close_s=0.2, brake_Nm=8.0 * sign)
+    phases(cfg, st, [sign * 8.0] * 20)
+    assert st.brake == lib.HT_BRAKE_OPEN
     assert not lib.ht_outputs_close(cfg, st)  # told to close
     assert not lib.ht_outputs_lifted(cfg, st)
     seen = phases(cfg, st, [0.0] * 22, follows=False)

@@ -45,6 +45,16 @@ def saved(value=SAVED):
     return memory
 
 
+def save_new(memory, **fails):
+    """The result of a save of another value. The memory fails like this after the start."""
+    controller = started(memory)
+    controller.set("rs_ohm", NEW)
+    memory.reads = memory.writes = 0
+    for name, value in fails.items():
+        setattr(memory, name, value)
+    return lib.ht_store_save(memory.handle, controller.drive)
+
+
 def what_counts(areas):
     """The value that a start takes, and from where."""
     controller = started(Memory(bytearray(areas)))
@@ -75,19 +85,12 @@ def test_nothing_can_be_read():
 def test_a_save_that_fails_says_so_and_leaves_a_whole_set(kind):
     before = saved().areas
     good = Memory(bytearray(before))
-    controller = started(good, rs_ohm=NEW)
-    controller.set("rs_ohm", NEW)
-    good.reads = good.writes = 0
-    assert lib.ht_store_save(good.handle, controller.drive) == lib.HT_OK
+    assert save_new(good) == lib.HT_OK
     count = good.reads if kind == "bad_reads" else good.writes
     results = []
     for bad in range(1, count + 1):
         memory = Memory(bytearray(before))
-        controller = started(memory)
-        controller.set("rs_ohm", NEW)
-        memory.reads = memory.writes = 0
-        setattr(memory, kind, (bad,))
-        result = lib.ht_store_save(memory.handle, controller.drive)
+        result = save_new(memory, **{kind: (bad,)})
         value, origin = what_counts(memory.areas)
         assert origin == "saved" and value in (SAVED, NEW)
         assert value == NEW or result == lib.HT_ERROR_STORE
@@ -119,22 +122,17 @@ class Stuck(Memory):
 @pytest.mark.parametrize("value", (0, 1))
 def test_a_save_into_memory_with_a_dead_cell_says_so(value):
     """Unless the cell has the value that it is to have."""
-    memory, before = Memory(), saved().areas
-    memory.areas[:] = before
-    controller = started(memory)
-    controller.set("rs_ohm", NEW)
-    assert lib.ht_store_save(memory.handle, controller.drive) == lib.HT_OK
-    whole = bytes(memory.areas)
+    before = saved().areas
+    good = Memory(bytearray(before))
+    assert save_new(good) == lib.HT_OK
+    whole = bytes(good.areas)
     used = Memory.BLOCK * block_count(lib.ht_param_count())
     for n, at in enumerate(range(0, Memory.LOG, 3)):
         if at % Memory.AREA >= used:
             continue
-        memory = Stuck(bytearray(before))
-        controller = started(memory)
-        controller.set("rs_ohm", NEW)
-        memory.at, memory.bit, memory.value = at, 1 << n % 8, value
-        result = lib.ht_store_save(memory.handle, controller.drive)
-        fits = bool(whole[at] & memory.bit) == value
+        bit = 1 << n % 8
+        result = save_new(Stuck(bytearray(before)), at=at, bit=bit, value=value)
+        fits = bool(whole[at] & bit) == value
         assert result == (lib.HT_OK if fits else lib.HT_ERROR_STORE), at
 
 

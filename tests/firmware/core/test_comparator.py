@@ -113,8 +113,9 @@ def test_an_error_of_nan_keeps_the_level():
         assert lib.ht_compare_five_level(last, nan, 0.5, 1) == last
 
 
-def test_sweep_up_and_down_shows_the_bands():
-    """The error is a slow triangle in hundredths. The test lists where each comparator switches."""
+def switching_points():
+    """Where each comparator switches, by its number of levels. The error is a slow triangle in
+    hundredths."""
     switched = {2: [], 3: [], 5: []}
     level = {2: -1, 3: 0, 5: 0}
     sweep = [*range(0, 150), *range(150, -150, -1), *range(-150, 150)]
@@ -128,6 +129,11 @@ def test_sweep_up_and_down_shows_the_bands():
             if value != level[kind]:
                 switched[kind].append((n, value))
         level = new
+    return switched
+
+
+def test_sweep_up_and_down_shows_the_bands():
+    switched = switching_points()
     assert switched[2] == [(101, 1), (-101, -1), (101, 1)]
     assert switched[3] == [(100, 1), (25, 0), (-100, -1), (-25, 0), (100, 1)]
     assert switched[5] == [

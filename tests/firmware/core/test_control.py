@@ -237,21 +237,26 @@ def test_v0_is_the_only_zero_vector_if_configured(scheme):
 def test_low_flux_replaces_a_zero_vector(scheme, torque):
     """Below (1 - flux_hold) of the reference the vector nearest to the flux is
     applied, on the side of the torque error."""
-    group = ML if scheme == "ddr-ml" else L
+    group = {"ddr-ml": ML, "dtc3": S}.get(scheme, L)
     for sector in range(12):
-        for psi, raised in ((0.37, True), (0.39, False)):
-            drive = quiet(scheme, table_law__flux_hold=0.05)
-            placed = psi * np.exp(1j * np.deg2rad(30 * sector))
-            s = drive.step(drive.place(placed), torque, flux=0.4)
-            assert drive.state.table_law.torque_level == 0
-            if raised:
-                k = sector if torque > 0 else (sector - 1) % 12
-                assert s[1] in ((S if scheme == "dtc3" else group)[k], ML[k])
-                assert vector(s[1])[:2] @ [placed.real, placed.imag] > 0
-            else:
-                assert s[0] in ZEROS
-        drive = quiet(scheme, table_law__flux_hold=0.0)  # 0 = never
-        assert drive.step(drive.place(0.1 + 0j), torque)[0] in ZEROS
+        drive = quiet(scheme, table_law__flux_hold=0.05)
+        placed = 0.37 * np.exp(1j * np.deg2rad(30 * sector))
+        s = drive.step(drive.place(placed), torque, flux=0.4)
+        assert drive.state.table_law.torque_level == 0
+        k = sector if torque > 0 else (sector - 1) % 12
+        assert s[1] in (group[k], ML[k])
+        assert vector(s[1])[:2] @ [placed.real, placed.imag] > 0
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("torque", (0.1, -0.1))
+@pytest.mark.parametrize(("flux_hold", "psi"), [(0.05, 0.39), (0.0, 0.1)])  # 0 = never
+def test_flux_that_is_not_low_leaves_the_zero_vector(scheme, torque, flux_hold, psi):
+    for sector in range(12):
+        drive = quiet(scheme, table_law__flux_hold=flux_hold)
+        placed = psi * np.exp(1j * np.deg2rad(30 * sector))
+        assert drive.step(drive.place(placed), torque, flux=0.4)[0] in ZEROS
+        assert drive.state.table_law.torque_level == 0
 
 
 @pytest.mark.parametrize("hold", (True, False))
@@ -577,17 +582,25 @@ def test_without_a_leg_the_xy_flux_is_predicted_for_every_scheme(scheme):
 # --- configuration ----------------------------------------------------------------
 
 
-def test_a_new_control_law_starts_from_its_reset_state():
-    """The estimates of the machine and the next pattern do not belong to the law, so they stay."""
+def after_twenty_periods():
     drive = Drive(config("ddr"))
     for n in range(20):
         drive.step((0.05, -0.02, 0.01, 0.03, -0.04, 0.06), torque=(-1) ** n)
-    state = drive.state
-    before = bytes(ffi.buffer(state))
-    other = config("ddr")
-    lib.ht_control_switch_over(other, drive.cfg, state)
-    assert bytes(ffi.buffer(state)) == before  # another scheme of the same law
-    assert state.table_law.torque_level != 0 and state.table_law.xy.against.x != 0
+    law = drive.state.table_law
+    assert law.torque_level != 0 and law.xy.against.x != 0
+    return drive, bytes(ffi.buffer(drive.state))
+
+
+def test_another_scheme_of_the_same_law_keeps_the_state():
+    drive, before = after_twenty_periods()
+    lib.ht_control_switch_over(config("ddr"), drive.cfg, drive.state)
+    assert bytes(ffi.buffer(drive.state)) == before
+
+
+def test_a_new_control_law_starts_from_its_reset_state():
+    """The estimates of the machine and the next pattern do not belong to the law, so they stay."""
+    drive, before = after_twenty_periods()
+    state, other = drive.state, config("ddr")
     other.law = lib.HT_LAW_TABLE + 1
     lib.ht_control_switch_over(other, drive.cfg, state)
     law = state.table_law

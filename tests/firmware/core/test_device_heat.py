@@ -58,14 +58,7 @@ def test_the_worst_leg_at_standstill_counts(make):
     """A direct current of the amplitude in one leg, against the same current turning: its loss is
     up to twice the mean of a sine's, and the hottest leg is the one that has it."""
     amplitude = 20.0
-    standing = [
-        amplitude,
-        0.87 * amplitude,
-        0.5 * amplitude,
-        0.0,
-        0.5 * amplitude,
-        0.87 * amplitude,
-    ]
+    standing = [share * amplitude for share in (1.0, 0.87, 0.5, 0.0, 0.5, 0.87)]
     one, other = make(), make()
     stands = run(one, standing, 5.0)
     turns = run(other, [amplitude / np.sqrt(2)] * 6, 5.0)

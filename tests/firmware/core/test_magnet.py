@@ -179,25 +179,28 @@ def turned_with(machine, cfg, i_dq, omega, periods, adapt):
     return state
 
 
+def learn(cfg, state):
+    """R, with a time constant of ten periods."""
+    lib.ht_observer_adapt_magnet(cfg, state, 0.1)
+
+
 @pytest.mark.parametrize("share", [0.7, 1.5])
-def test_a_wrong_resistance_is_learnt_where_the_magnets_induce_little(machine, share):
+@pytest.mark.parametrize(("turned", "learns"), [(0.2, True), (2.0, False)])
+def test_a_wrong_resistance_is_learnt_where_the_magnets_induce_little(
+    machine, share, turned, learns
+):
     """The exact machine turns with a constant current across the magnets, and the pull bounds what
     the wrong R does. The voltage keeps this current; psi_f is told 5 % too large. At a fifth of
     the drop R comes within 3 %, at twice the drop it stays as it is."""
     r, _, lq, psi_f, _ = machine
     i_dq = complex(0, 0.5 * psi_f / lq)
-    for turned, learns in ((0.2, True), (2.0, False)):
-        omega = turned * r * abs(i_dq) / psi_f
-        cfg = observer(machine, 3 * r * abs(i_dq) / psi_f / 2 / np.pi)
-        cfg.rs_ohm = r / share
-        cfg.magnet.psi_f_Wb = 1.05 * psi_f
-        state = turned_with(
-            machine, cfg, i_dq, omega, 15000,
-            lambda cfg, of: lib.ht_observer_adapt_magnet(cfg, of, 0.1),
-        )  # fmt: skip
-        assert state.rs_ohm == pytest.approx(r if learns else r / share, rel=0.03)
-        lib.ht_observer_adapt_magnet(cfg, state, 0.0)
-        assert state.rs_ohm == pytest.approx(r / share)
+    drop_V = r * abs(i_dq)
+    cfg = observer(machine, 3 * drop_V / psi_f / 2 / np.pi)
+    cfg.rs_ohm, cfg.magnet.psi_f_Wb = r / share, 1.05 * psi_f
+    state = turned_with(machine, cfg, i_dq, turned * drop_V / psi_f, 15000, learn)
+    assert state.rs_ohm == pytest.approx(r if learns else r / share, rel=0.03)
+    lib.ht_observer_adapt_magnet(cfg, state, 0.0)
+    assert state.rs_ohm == pytest.approx(r / share)
 
 
 @pytest.mark.parametrize("share", [0.85, 1.15])

@@ -258,6 +258,16 @@ def test_alternating_rails_are_those_with_the_least_xy_ripple(degrees, size):
     np.testing.assert_allclose(T @ np.mean(mean, axis=0), v, atol=2e-4)
 
 
+def shares_high(start, sizes, degrees):
+    """(n, 6) of the period, of voltages of these sizes; kappa comes in from `start` on."""
+    high = []
+    for size in sizes:
+        modulator = Modulator(1.0, start)
+        modulator.step(polar(size, degrees))
+        high.append(modulator.levels().mean(1))
+    return np.array(high)
+
+
 @pytest.mark.parametrize("degrees", np.arange(4, 360, 7.5))
 def test_kappa_comes_without_a_jump(degrees):
     """Centred up to `kappa_from`, clamped from the end of the ramp on. In between, a leg moves
@@ -265,12 +275,7 @@ def test_kappa_comes_without_a_jump(degrees):
     voltage itself moves it by."""
     start, ramp = 0.45, 0.02
     sizes = np.linspace(start - 0.01, start + ramp + 0.01, 321)
-    high = []
-    for size in sizes:
-        modulator = Modulator(1.0, start)
-        modulator.step(polar(size, degrees))
-        high.append(modulator.levels().mean(1))
-    high = np.array(high)
+    high = shares_high(start, sizes, degrees)
     for size, legs in zip(sizes, high):
         if not start < size < start + ramp:
             wanted = commands(polar(size, degrees), float(size > start))
@@ -402,6 +407,16 @@ SEQUENCES = (
 BITS = (0, 3, 1, 4, 2, 5)
 
 
+def words_of(sector):
+    """The words of a sector of 24. Turned by 60 degrees, a leg takes over from one of its set,
+    negated."""
+    turns, first = divmod(sector, 4)
+    levels = np.array([[word >> bit & 1 for bit in range(6)] for word in SEQUENCES[first]])
+    for _ in range(turns):
+        levels = 1 - levels[:, [1, 2, 0, 4, 5, 3]]
+    return (levels << np.arange(6)).sum(1)
+
+
 @pytest.mark.parametrize("sector", range(24))
 @pytest.mark.parametrize("size", [0.1, 0.35, 0.55])
 def test_centred_and_turned_is_24_sector_modulation(sector, size):
@@ -413,12 +428,7 @@ def test_centred_and_turned_is_24_sector_modulation(sector, size):
     starts = np.flatnonzero(np.diff(words, prepend=-1))
     times = np.diff(np.append(starts, len(words)))
     found = words[starts]
-    # Turned by 60 degrees, a leg takes over from one of its set, negated.
-    turns, first = divmod(sector, 4)
-    expected = np.array([[word >> bit & 1 for bit in range(6)] for word in SEQUENCES[first]])
-    for _ in range(turns):
-        expected = 1 - expected[:, [1, 2, 0, 4, 5, 3]]
-    expected = (expected << np.arange(6)).sum(1)
+    expected = words_of(sector)
     if found[0] != expected[0]:  # the other half of the carrier's period
         found, times = found[::-1], times[::-1]
     assert list(found) == list(expected)

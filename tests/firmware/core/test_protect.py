@@ -512,6 +512,16 @@ def test_a_shaft_of_little_inertia_that_reverses_is_no_wrong_encoder(f_slow_Hz, 
     assert worst < gain * rpm_per_s * slow_s
 
 
+def slip_of(machine, psi, load):
+    """The slip below pull-out at which the load is held, by bisection."""
+    low, high = 0.0, pull_out(machine)
+    for _ in range(50):
+        slip = (low + high) / 2
+        torque = 3 * machine[0] * psi * current(machine, slip, psi).imag
+        low, high = (slip, high) if torque < load else (low, slip)
+    return slip
+
+
 @pytest.mark.parametrize("setup", ("paper-a", "paper-b"))
 @pytest.mark.parametrize("wrong", (0.7, 1.3))
 @pytest.mark.parametrize("sign", (1, -1))
@@ -519,11 +529,7 @@ def test_rotor_resistance_wrong_by_a_third_trips_nothing(setup, wrong, sign):
     """At the papers' flux and load, with the default levels."""
     machine, psi, load = printed(setup)
     pole_pairs, rr, *rest = machine
-    low, high = 0.0, pull_out(machine)
-    for _ in range(50):
-        slip = (low + high) / 2
-        torque = 3 * pole_pairs * psi * current(machine, slip, psi).imag
-        low, high = (slip, high) if torque < load else (low, slip)
+    slip = slip_of(machine, psi, load)
     control = turning(machine, 900.0, sign * slip / pull_out(machine), psi)
     cfg = config(
         (pole_pairs, rr * wrong, *rest),

@@ -64,11 +64,10 @@ def test_nothing_of_what_was_before_remains(scheme, observer):
         pass
     if lib.ht_law_commands_voltage(cfg.law):
         assert lib.ht_control_lose(cfg, used, 0b100000, 0.1)
-    for state in (zero, never_written, used):
+    states = (zero, never_written, used)
+    for state in states:
         reset(cfg, state)
-    for n, (a, b, c) in enumerate(
-        zip(*(lives(cfg, state, 2) for state in (zero, never_written, used)))
-    ):
+    for n, (a, b, c) in enumerate(zip(*(lives(cfg, state, 2) for state in states))):
         assert a == b == c, n
 
 

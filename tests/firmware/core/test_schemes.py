@@ -57,24 +57,25 @@ def test_reach_is_the_circle_inside_the_polygon_of_mean_vectors(name):
     assert ROWS[name].reach_pu == pytest.approx(edges.min(), abs=1e-6)
 
 
+#: Vectors, their group, levels of the torque comparator, and whether x-y is regulated.
+OF_THE_PAPERS = {
+    "dtc1": (lib.HT_VECTORS_SINGLE, lib.HT_L, 3, False),
+    "dtc2": (lib.HT_VECTORS_PAIR, lib.HT_L, 3, False),
+    "dtc3": (lib.HT_VECTORS_PAIR_SMALL, lib.HT_L, 5, False),
+    "fdr": (lib.HT_VECTORS_VIRTUAL, lib.HT_L, 3, False),
+    "ddr": (lib.HT_VECTORS_VIRTUAL, lib.HT_L, 3, True),
+    "ddr-ml": (lib.HT_VECTORS_VIRTUAL, lib.HT_ML, 3, True),
+    "db-dtfc": (lib.HT_VECTORS_MODULATED, lib.HT_L, 0, False),
+    "foc": (lib.HT_VECTORS_CENTRED, lib.HT_L, 0, False),
+    "foc-24": (lib.HT_VECTORS_TURNED, lib.HT_L, 0, False),
+    "db-ipwm": (lib.HT_VECTORS_INTERLEAVED, lib.HT_L, 0, False),
+}
+
+
 def test_levels_vectors_and_regulators_are_those_of_the_papers():
-    pair, small, virtual = (
-        lib.HT_VECTORS_PAIR, lib.HT_VECTORS_PAIR_SMALL, lib.HT_VECTORS_VIRTUAL,
-    )  # fmt: skip
-    assert {
+    assert OF_THE_PAPERS == {
         name: (row.vectors, row.group, row.torque_levels, row.regulated)
         for name, row in ROWS.items()
-    } == {
-        "dtc1": (lib.HT_VECTORS_SINGLE, lib.HT_L, 3, False),
-        "dtc2": (pair, lib.HT_L, 3, False),
-        "dtc3": (small, lib.HT_L, 5, False),
-        "fdr": (virtual, lib.HT_L, 3, False),
-        "ddr": (virtual, lib.HT_L, 3, True),
-        "ddr-ml": (virtual, lib.HT_ML, 3, True),
-        "db-dtfc": (lib.HT_VECTORS_MODULATED, lib.HT_L, 0, False),
-        "foc": (lib.HT_VECTORS_CENTRED, lib.HT_L, 0, False),
-        "foc-24": (lib.HT_VECTORS_TURNED, lib.HT_L, 0, False),
-        "db-ipwm": (lib.HT_VECTORS_INTERLEAVED, lib.HT_L, 0, False),
     }
 
 
@@ -97,18 +98,21 @@ def test_xy_limit_is_that_of_the_regulated_group():
     }  # fmt: skip
 
 
+#: The groups of vectors that a scheme without virtual or modulated vectors may apply.
+GROUPS = {
+    lib.HT_VECTORS_SINGLE: ["L"], lib.HT_VECTORS_PAIR: ["L", "ML"],
+    lib.HT_VECTORS_PAIR_SMALL: ["L", "ML", "S"],
+}  # fmt: skip
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_xy_step_is_what_the_vectors_of_a_period_move_the_flux_by(name):
     row = ROWS[name]
     step_pu = lib.ht_scheme_xy_step_pu(row, lib.HT_WINDING_30)
     parts = {g: np.abs(group(radius)[1]).max() for g, radius in RADIUS.items()}
     parts["S"] = np.abs(group(2 / 3 * np.cos(np.deg2rad(75)))[1]).max()
-    used = {
-        lib.HT_VECTORS_SINGLE: ["L"], lib.HT_VECTORS_PAIR: ["L", "ML"],
-        lib.HT_VECTORS_PAIR_SMALL: ["L", "ML", "S"],
-    }.get(row.vectors)  # fmt: skip
-    if used:
-        assert step_pu == pytest.approx(max(parts[g] for g in used), abs=1e-6)
+    if row.vectors in GROUPS:
+        assert step_pu == pytest.approx(max(parts[g] for g in GROUPS[row.vectors]), abs=1e-6)
     elif row.vectors == lib.HT_VECTORS_VIRTUAL:
         # The first and the last of the three last for 2 - sqrt(3) of the period, and what the first
         # one moves is the farthest.

@@ -344,27 +344,31 @@ def test_a_write_with_a_bad_value_is_refused_as_a_whole(device, name):
         assert everything(device) == before
 
 
-def test_fractions_of_whole_numbers_are_refused(device):
-    """Half a pole pair and half an encoder edge do not exist."""
+def test_parameters_that_are_whole_numbers():
     whole = {n for n, row in firmware.parameters().items() if row.whole and not row.choices}
     assert whole == {"pole_pairs", "encoder_counts_rev", "lost_legs", "restart_count"}
-    for name, good, bad in (
+    assert not lib.ht_param_valid(PARAMETERS["pole_pairs"], 2.5)
+    assert lib.ht_param_valid(PARAMETERS["rs_ohm"], 2.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
         ("pole_pairs", 3.0, 2.5),
         ("encoder_counts_rev", 1001.0, 1000.5),
         ("encoder_counts_rev", 3999999.0, 3999998.75),
-    ):
-        was = device.value(name)
-        reply = device.write(**{name: bad})
-        assert (reply.status, reply.payload) == (VALUE, struct.pack("<H", PARAMETERS[name]))
-        assert device.value(name) == was
-        with pytest.raises(
-            firmware.FirmwareError, match=r"allowed range is .*, whole numbers only"
-        ):
-            device.controller.set(name, bad)
-        assert device.write(**{name: good}).status == DONE
-        assert device.value(name) == good
-    assert not lib.ht_param_valid(PARAMETERS["pole_pairs"], 2.5)
-    assert lib.ht_param_valid(PARAMETERS["rs_ohm"], 2.5)
+    ],
+)
+def test_fractions_of_whole_numbers_are_refused(device, name, good, bad):
+    """Half a pole pair and half an encoder edge do not exist."""
+    was = device.value(name)
+    reply = device.write(**{name: bad})
+    assert (reply.status, reply.payload) == (VALUE, struct.pack("<H", PARAMETERS[name]))
+    assert device.value(name) == was
+    with pytest.raises(firmware.FirmwareError, match=r"allowed range is .*, whole numbers only"):
+        device.controller.set(name, bad)
+    assert device.write(**{name: good}).status == DONE
+    assert device.value(name) == good
 
 
 @pytest.mark.parametrize("f_isr_Hz", [1527.0, 7300.0, 10001.0, 49999.0])
@@ -530,11 +534,8 @@ def test_the_snapshot_is_that_of_the_drive(device):
     tick, state, faults, warnings, *rest = words
     assert warnings == 0x0110
     kept = device.controller.snapshot
-    assert (tick, firmware.STATES[state], firmware.causes(faults)) == (
-        kept["tick"],
-        kept["state"],
-        kept["faults"],
-    )
+    told = [tick, firmware.STATES[state], firmware.causes(faults)]
+    assert told == [kept[name] for name in ("tick", "state", "faults")]
     assert (rest[:7], rest[7]) == (kept["adc_counts"], kept["position_counts"])
     assert rest[3] == 4095
     names = ("vdc_V", "torque_ref_Nm", "flux_ref_Wb")

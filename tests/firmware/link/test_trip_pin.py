@@ -48,6 +48,10 @@ def test_trip_pin_held_low_refuses_start_and_clear():
     refused(device)
     device.controller.set_trip_pin(1)
     assert device.ask(CLEAR).status == STATE  # nothing to clear
+
+
+def test_a_trip_by_the_pin_stays_until_the_pin_is_released_and_the_fault_cleared():
+    device = Device()
     device.run()
     device.controller.set_trip_pin(0)
     device.tick()

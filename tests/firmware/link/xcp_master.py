@@ -118,9 +118,7 @@ class Master:
     def user(self, opcode: int) -> None:
         self.ask("BB", 0xF1, opcode)
 
-    def lists(self, *lists: tuple[int, int, list[list[int]]], start: bool = True) -> list[int]:
-        """Allocate lists (event, prescaler, addresses of each packet). Returns their first
-        packets."""
+    def _allocate(self, lists: tuple[tuple[int, int, list[list[int]]], ...]) -> None:
         self.ask("B", 0xD6)
         self.ask("BBH", 0xD5, 0, len(lists))
         for k, (_, _, odts) in enumerate(lists):
@@ -128,6 +126,11 @@ class Master:
         for k, (_, _, odts) in enumerate(lists):
             for j, addresses in enumerate(odts):
                 self.ask("BBHBB", 0xD3, 0, k, j, len(addresses))
+
+    def lists(self, *lists: tuple[int, int, list[list[int]]], start: bool = True) -> list[int]:
+        """Allocate lists (event, prescaler, addresses of each packet). Returns their first
+        packets."""
+        self._allocate(lists)
         firsts = []
         for k, (event, prescaler, odts) in enumerate(lists):
             for j, addresses in enumerate(odts):

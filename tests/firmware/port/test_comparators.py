@@ -79,6 +79,12 @@ class Rig:
         return self.controller.drive.state
 
     @property
+    def told(self):
+        """The fault and the warning of the snapshot."""
+        kept = self.controller.drive.snapshot
+        return FAULTS[kept.faults], WARNINGS[kept.warnings] if kept.warnings else ""
+
+    @property
     def gates_on(self):
         return not any(self.rf.word[leg + TZFLG] & OST for leg in self.legs)
 
@@ -188,17 +194,13 @@ def test_a_trip_is_named_and_told_from_the_pin(number, sign):
     assert not rig.gates_on  # no interrupt has come
     rig.pin(number, 0.0, 1000)
     rig.fast(6)
-    kept = rig.controller.drive.snapshot
-    assert FAULTS[kept.faults] == "over-current"
-    assert WARNINGS[kept.warnings] == "found by a comparator"
+    assert rig.told == ("over-current", "found by a comparator")
     assert lib.ht_drive_clear(rig.controller.drive) == lib.HT_OK
     rig.fast(50)  # until no current flows
     rig.start()
     rig.controller.set_trip_pin(0)
     rig.fast(6)
-    kept = rig.controller.drive.snapshot
-    assert FAULTS[kept.faults] == "external trip"
-    assert kept.warnings == 0
+    assert rig.told == ("external trip", "")
     assert rig.rf.violations == 0
 
 
@@ -213,24 +215,40 @@ def test_switching_noise_passes_the_filter():
     assert not rig.gates_on
 
 
-def test_a_short_circuit_between_samples_ends_at_the_level():
-    """300 V into 0.3 mH right after a sample: 1 A/us. The interrupt comes 100 us later and finds
-    what is left to find; the comparator needs the way to its level and its filter's time."""
-    peak = {}
-    for comparator in (True, False):
-        rig = Rig().start()
-        amperes, t_ns = 0.0, 0
-        while rig.gates_on and t_ns < 200_000:
-            t_ns += 50
-            amperes += 300.0 / 0.3e-3 * 50e-9
-            if comparator:
-                rig.pin(1, min(amperes, 1.09 * I_FULL), 50)
-            if t_ns % 100_000 == 0:
-                rig.amperes[0] = amperes
-                rig.fast()
-        peak[comparator] = amperes
-    assert peak[True] == pytest.approx(I_TRIP + 0.1 * I_FULL + 0.75, abs=0.1)
-    assert peak[False] == pytest.approx(100.0)
+def highest(rig, value, rise_per_s, at_the_pin, at_the_sample):
+    """The value at which the gates go off, if it rises like this right after a sample. The next
+    interrupt comes 100 us later."""
+    t_ns = 0
+    while rig.gates_on and t_ns < 200_000:
+        t_ns += 50
+        value += rise_per_s * 50e-9
+        at_the_pin(value)
+        if t_ns % 100_000 == 0:
+            at_the_sample(value)
+            rig.fast()
+    return value
+
+
+@pytest.mark.parametrize(
+    ("comparator", "peak_A"),
+    [
+        (True, pytest.approx(I_TRIP + 0.1 * I_FULL + 0.75, abs=0.1)),
+        (False, pytest.approx(100.0)),
+    ],
+)
+def test_a_short_circuit_between_samples_ends_at_the_level(comparator, peak_A):
+    """300 V into 0.3 mH: 1 A/us. The interrupt finds what is left to find; the comparator needs the
+    way to its level and its filter's time."""
+    rig = Rig().start()
+
+    def at_the_pin(amperes):
+        if comparator:
+            rig.pin(1, min(amperes, 1.09 * I_FULL), 50)
+
+    def at_the_sample(amperes):
+        rig.amperes[0] = amperes
+
+    assert highest(rig, 0.0, 300.0 / 0.3e-3, at_the_pin, at_the_sample) == peak_A
 
 
 @pytest.mark.parametrize("device", BOARDS)
@@ -306,9 +324,7 @@ def test_an_over_voltage_between_samples_is_named(device, mode):
     assert not rig.gates_on  # no interrupt has come
     rig.link(VDC, 1000)
     rig.fast()
-    kept = rig.controller.drive.snapshot
-    assert FAULTS[kept.faults] == "dc-link voltage too high"
-    assert WARNINGS[kept.warnings] == "found by a comparator"
+    assert rig.told == ("dc-link voltage too high", "found by a comparator")
     assert lib.ht_drive_clear(rig.controller.drive) == lib.HT_OK
     assert lib.ht_drive_start(rig.controller.drive) == lib.HT_OK
     assert rig.rf.violations == 0
@@ -324,7 +340,7 @@ def test_the_fault_names_what_has_tripped_and_nothing_of_before():
     rig.pin(2, 1.2 * I_TRIP, 1000)
     rig.pin(2, 0.0, 1000)
     rig.fast()
-    assert FAULTS[rig.controller.drive.snapshot.faults] == "over-current"
+    assert rig.told[0] == "over-current"
     assert lib.ht_port_beyond(rig.controller.port) == 1 << PHASE_OF[2]
 
 
@@ -356,23 +372,25 @@ def test_a_dc_link_above_its_level_lets_no_gate_go_on():
     rig.fast(15)
     assert not rig.gates_on
     rig.fast()
-    assert FAULTS[rig.controller.drive.snapshot.faults] == "dc-link voltage too high"
+    assert rig.told[0] == "dc-link voltage too high"
 
 
-def test_a_lost_load_between_samples_ends_at_the_level():
-    """10 A into 20 uF right after a sample: 0.5 V/us. The interrupt finds it 100 us later."""
-    peak = {}
-    for comparator in (True, False):
-        rig = Rig().start()
-        vdc_V, t_ns = 399.0, 0
-        while rig.gates_on and t_ns < 200_000:
-            t_ns += 50
-            vdc_V += 10.0 / 20e-6 * 50e-9
-            if comparator:
-                rig.link(vdc_V, 50)
-            if t_ns % 100_000 == 0:
-                rig.vdc_V = vdc_V
-                rig.fast()
-        peak[comparator] = vdc_V
-    assert peak[True] == pytest.approx(VDC_MAX + 0.05 * VDC_FULL + 0.5 * 0.75, abs=0.3)
-    assert peak[False] == pytest.approx(449.0)
+@pytest.mark.parametrize(
+    ("comparator", "peak_V"),
+    [
+        (True, pytest.approx(VDC_MAX + 0.05 * VDC_FULL + 0.5 * 0.75, abs=0.3)),
+        (False, pytest.approx(449.0)),
+    ],
+)
+def test_a_lost_load_between_samples_ends_at_the_level(comparator, peak_V):
+    """10 A into 20 uF: 0.5 V/us."""
+    rig = Rig().start()
+
+    def at_the_pin(vdc_V):
+        if comparator:
+            rig.link(vdc_V, 50)
+
+    def at_the_sample(vdc_V):
+        rig.vdc_V = vdc_V
+
+    assert highest(rig, 399.0, 10.0 / 20e-6, at_the_pin, at_the_sample) == peak_V

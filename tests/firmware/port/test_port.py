@@ -46,14 +46,16 @@ OST = 0x0004
 
 
 class Board:
-    """A board after its start. planted: earlier contents of some words."""
+    """A board after its start. planted: earlier contents of some words. active_low: gate drivers
+    that invert."""
 
-    def __init__(self, device, planted=()):
+    def __init__(self, device, planted=(), active_low=False):
         self.device = device
-        board = ffi.addressof(getattr(lib, f"ht_board_{device}"))
+        self.table = board = ffi.new("ht_board *", getattr(lib, f"ht_board_{device}"))
         self.rf = ffi.new("ht_regfile *")
         self.port = ffi.new("ht_port *")
         lib.ht_regfile_reset(self.rf, board.map)
+        board.gates_active_low = self.rf.gates_active_low = active_low
         for address, value in planted:
             lib.ht_regfile_word(self.rf, address)[0] = value
         lib.ht_port_bind(self.port, self.rf, board)
@@ -68,6 +70,11 @@ class Board:
 
     def image(self, *names):
         return [tuple(self.reg(name, leg) for name in names) for leg in range(6)]
+
+    @property
+    def latched(self):
+        """For each leg, whether its one-shot latch holds the gates off."""
+        return [bool(flag & OST) for (flag,) in self.image("TZFLG")]
 
     def eqep(self, offset):
         return self.rf.word[QPOSCNT[self.device] + offset]
@@ -85,7 +92,7 @@ def board(request):
 
 
 @pytest.mark.parametrize("shadow", (True, False))
-def test_set_up_image(board, shadow):
+def test_set_up_of_the_counters(board, shadow):
     assert board.init(period=12345, dead=321, shadow=shadow)
     # free run, up-count, undivided; leg 1 sends sync at zero, the others follow
     assert board.image("TBCTL") == [(0x8010,)] + [(0x8004,)] * 5
@@ -93,6 +100,12 @@ def test_set_up_image(board, shadow):
     assert board.image("TBPRD", "TBPHS", "TBCTR") == [(12344, 0, 0)] + [(12344, 2, 0)] * 5
     assert board.image("CMPA", "CMPB") == [(12345, 12345)] * 6
     assert board.image("CMPCTL") == [(0x0000 if shadow else 0x0050,)] * 6
+    assert board.rf.violations == 0
+
+
+@pytest.mark.parametrize("shadow", (True, False))
+def test_set_up_of_actions_dead_time_trips_and_conversion(board, shadow):
+    assert board.init(period=12345, dead=321, shadow=shadow)
     # toggle on CAU and CBU; clear at zero under shadow load
     assert board.image("AQCTLA") == [(0x0331 if shadow else 0x0330,)] * 6
     if board.device == "f28377s":  # type 4 can shadow AQCTLA: load at period
@@ -107,7 +120,7 @@ def test_set_up_image(board, shadow):
 
 def test_set_up_leaves_the_gates_off(board):
     assert board.init()
-    assert all(flag & OST for (flag,) in board.image("TZFLG"))
+    assert all(board.latched)
     assert lib.ht_port_tripped(board.port, ALL_LEGS)
 
 
@@ -138,24 +151,25 @@ def test_set_up_of_the_encoder_interface(board):
     assert board.rf.violations == 0
 
 
+#: Bits of the capture unit's status register.
+CAPTURE_BITS = {"event": 7, "forward": 5, "overflow": 3, "reversed": 2}
+
+
 @pytest.mark.parametrize("bit", range(16))
 def test_reading_the_capture_unit(board, bit):
     """Each status bit alone: reported where it belongs, cleared where it can be."""
     board.init()
     base = QPOSCNT[board.device]
-    board.rf.word[base + 0x1C], board.rf.word[base + 0x1D], board.rf.word[base + 0x1E] = (
-        1 << bit, 40001, 65535,
-    )  # fmt: skip
+    for offset, value in ((0x1C, 1 << bit), (0x1D, 40001), (0x1E, 65535)):
+        board.rf.word[base + offset] = value
     look = ffi.new("ht_capture *")
     before = board.rf.accesses
     lib.ht_port_read_capture(board.port, look)
     assert board.rf.accesses - before == 5
     assert not look.index
     assert (look.age_ticks, look.period_ticks) == (40001, 65535)
-    got = {"event": look.event, "forward": look.forward, "overflow": look.overflow,
-           "reversed": look.reversed}  # fmt: skip
-    name = {7: "event", 5: "forward", 3: "overflow", 2: "reversed"}.get(bit)
-    assert got == {key: key == name for key in got}
+    for name, own in CAPTURE_BITS.items():
+        assert getattr(look, name) == (bit == own)
     # Cleared by the look: UPEVNT, COEF, CDEF. Not ours: the first index marker.
     assert board.eqep(0x1C) == (0 if bit in (7, 3, 2) else 1 << bit)
     assert board.rf.violations == 0
@@ -197,7 +211,7 @@ def test_dead_time_has_a_minimum(board):
     for dead in (0, 1, least - 1):
         other = Board(board.device)
         assert not other.init(dead=dead)
-        assert all(flag & OST for (flag,) in other.image("TZFLG"))
+        assert all(other.latched)
         assert other.image("DBRED", "DBFED") == [(0, 0)] * 6
         assert other.rf.violations == 0
     span = lib.ht_port_dead_range(board.port)
@@ -211,7 +225,7 @@ def test_dead_time_fills_its_register_and_no_more(board):
     assert board.image("DBRED", "DBFED") == [(limit, limit)] * 6
     other = Board(board.device)
     assert not other.init(dead=limit + 1)
-    assert all(flag & OST for (flag,) in other.image("TZFLG"))
+    assert all(other.latched)
     assert other.rf.violations == 0
 
 
@@ -277,7 +291,7 @@ def test_gates_on_and_off(board):
     assert not lib.ht_port_tripped(board.port, ALL_LEGS)
     for _ in range(2):  # idempotent
         lib.ht_port_gates_off(board.port)
-        assert all(flag & OST for (flag,) in board.image("TZFLG"))
+        assert all(board.latched)
         assert lib.ht_port_tripped(board.port, ALL_LEGS)
     assert board.rf.violations == 0
     assert board.rf.eallow == 0
@@ -290,50 +304,54 @@ LOWER_ON = {False: 0x0006, True: 0x0009}
 @pytest.mark.parametrize("active_low", (False, True))
 def test_the_short_circuit_forces_the_lower_switches_on(board, active_low):
     """TZA and TZB alone change. The latches stay set, whatever else trips. Gates off ends it."""
-    table = ffi.new("ht_board *", board.port.board[0])
-    table.gates_active_low = board.rf.gates_active_low = active_low
-    board.port.board = table
+    board = Board(board.device, active_low=active_low)
     board.init()
     off = (ALL_HIGH if active_low else ALL_LOW)[board.device]
+    lower_on = off & ~0xF | LOWER_ON[active_low]
     lib.ht_port_gates_on(board.port, ALL_LEGS)
     lib.ht_port_gates_off(board.port)
     for _ in range(2):  # idempotent
         lib.ht_port_short_circuit(board.port)
-        assert board.image("TZCTL") == [(off & ~0xF | LOWER_ON[active_low],)] * 6
-        assert all(flag & OST for (flag,) in board.image("TZFLG"))
+        assert board.image("TZCTL") == [(lower_on,)] * 6
+        assert all(board.latched)
     board.write(63, CA, CB)  # no pattern reaches a latched leg
     lib.ht_regfile_pin(board.rf, board.port.board.trip.gpio, 0)
     lib.ht_regfile_pin(board.rf, board.port.board.trip.gpio, 1)
-    assert board.image("TZCTL") == [(off & ~0xF | LOWER_ON[active_low],)] * 6
+    assert board.image("TZCTL") == [(lower_on,)] * 6
     lib.ht_port_gates_off(board.port)
     assert board.image("TZCTL") == [(off,)] * 6
-    assert all(flag & OST for (flag,) in board.image("TZFLG"))
+    assert all(board.latched)
     assert board.rf.violations == 0
     assert board.rf.eallow == 0
 
 
 @pytest.mark.parametrize("leg", range(6))
 def test_one_leg_off(board, leg):
-    """The others go on. A trip switches all of them off, and a release without this leg leaves it
-    off."""
+    """The others go on."""
     board.init()
     word = 32 >> leg
     rest = ALL_LEGS & ~word
     assert lib.ht_port_gates_on(board.port, ALL_LEGS)
     for _ in range(2):  # idempotent
         lib.ht_port_leg_off(board.port, leg)
-        assert [bool(flag & OST) for (flag,) in board.image("TZFLG")] == [
-            n == leg for n in range(6)
-        ]
+        assert board.latched == [n == leg for n in range(6)]
         assert lib.ht_port_tripped(board.port, word)
         assert not lib.ht_port_tripped(board.port, rest)
+    assert (board.rf.violations, board.rf.eallow) == (0, 0)
+
+
+@pytest.mark.parametrize("leg", range(6))
+def test_a_release_without_a_leg_leaves_it_off(board, leg):
+    board.init()
+    assert lib.ht_port_gates_on(board.port, ALL_LEGS)
+    lib.ht_port_leg_off(board.port, leg)
     lib.ht_port_gates_off(board.port)
-    assert all(flag & OST for (flag,) in board.image("TZFLG"))
-    assert lib.ht_port_gates_on(board.port, rest)
-    assert [bool(flag & OST) for (flag,) in board.image("TZFLG")] == [n == leg for n in range(6)]
+    assert all(board.latched)
+    assert lib.ht_port_gates_on(board.port, ALL_LEGS & ~(32 >> leg))
+    assert board.latched == [n == leg for n in range(6)]
     lib.ht_port_gates_off(board.port)
     lib.ht_port_leg_off(board.port, leg)  # nothing that is off goes on
-    assert all(flag & OST for (flag,) in board.image("TZFLG"))
+    assert all(board.latched)
     assert board.rf.violations == 0
     assert board.rf.eallow == 0
 
@@ -358,14 +376,19 @@ def test_gates_stay_off_while_the_trip_pin_is_low(board):
     before = board.rf.accesses
     assert not lib.ht_port_gates_on(board.port, ALL_LEGS)
     assert board.rf.accesses - before == 1  # the look; no latch is written to
-    assert all(flag & OST for (flag,) in board.image("TZFLG"))
+    assert all(board.latched)
     lib.ht_regfile_pin(board.rf, gpio, 1)
     assert not lib.ht_port_trip_pin_low(board.port)
-    assert all(flag & OST for (flag,) in board.image("TZFLG"))  # latched all the same
+    assert all(board.latched)  # latched all the same
+    assert board.rf.violations == 0
+
+
+def test_the_trip_pin_latches_by_itself_without_code(board):
+    board.init()
     assert lib.ht_port_gates_on(board.port, ALL_LEGS)
     assert board.image("TZFLG") == [(0,)] * 6
-    lib.ht_regfile_pin(board.rf, gpio, 0)  # by itself, no code involved
-    assert all(flag & OST for (flag,) in board.image("TZFLG"))
+    lib.ht_regfile_pin(board.rf, board.port.board.trip.gpio, 0)
+    assert all(board.latched)
     assert board.rf.violations == 0
 
 
@@ -389,25 +412,15 @@ def test_other_causes_that_switch_off(board, what):
     assert lib.ht_port_tripped(board.port, ALL_LEGS) == (board.device == "f28377s")
 
 
-def test_inverting_gate_drivers():
+@pytest.mark.parametrize("device", BASE)
+def test_inverting_gate_drivers(device):
     """Off is high: in a trip, and (output A inverted, not B) in the dead time."""
-    for device in BASE:
-        table = ffi.new("ht_board *", getattr(lib, f"ht_board_{device}"))
-        table.gates_active_low = True
-        rf, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
-        lib.ht_regfile_reset(rf, table.map)
-        rf.gates_active_low = 1
-        lib.ht_port_bind(port, rf, table)
-        assert lib.ht_board_start(port)
-        assert lib.ht_port_init(port, [[15000, 345, True, 100.0]])
-        assert lib.ht_port_gates_on(port, ALL_LEGS)
-        board = Board(device)
-        board.rf = rf
-        assert (
-            board.image("DBCTL", "DBRED", "DBFED", "TZCTL")
-            == [(0x0007, 345, 345, ALL_HIGH[board.device])] * 6
-        )
-        assert rf.violations == 0
+    board = Board(device, active_low=True)
+    assert board.init()
+    assert lib.ht_port_gates_on(board.port, ALL_LEGS)
+    image = board.image("DBCTL", "DBRED", "DBFED", "TZCTL")
+    assert image == [(0x0007, 345, 345, ALL_HIGH[device])] * 6
+    assert board.rf.violations == 0
 
 
 def test_slow_readings(board):

@@ -303,19 +303,26 @@ def test_module_without_clock(device):
         assert chip.said == [UNCLOCKED]
 
 
-def test_pwm_is_set_up_with_the_counters_stopped_and_tripped(chip):
-    address, bit = TBCLKSYNC[chip.device]
-    registers = ("TBCTL", "TBPRD", "DBCTL")
-    for name in registers:
+#: Registers of the PWM that are set up once.
+ONCE = ("TBCTL", "TBPRD", "DBCTL")
+
+
+def test_pwm_is_set_up_while_tripped(chip):
+    for name in ONCE:
         chip.write(name, 0)
         assert chip.said == [ORDER]
     chip.trip()
-    for name in registers:
+    for name in ONCE:
         chip.write(name, 0)
     assert not chip.said
+
+
+def test_pwm_is_set_up_with_the_counters_stopped(chip):
+    address, bit = TBCLKSYNC[chip.device]
+    chip.trip()
     chip.eallow()
     chip.change(address, chip.word(address)[0] | bit)
-    for name in (*registers, "TZCTL"):
+    for name in (*ONCE, "TZCTL"):
         chip.write(name, 0)
         assert chip.said == [ORDER]
     for name in ("CMPA", "AQCTLA"):  # what changes every period
@@ -408,23 +415,26 @@ def test_watchdog_control(chip):
     assert chip.read(WDCR) == 0x0007
 
 
-def test_flags_of_a_reset_are_cleared_by_ones(chip):
-    """F28335: WDCR's WDFLAG, whose writes need WDCHK as well. F28377S: RESC."""
+def test_the_watchdogs_flag_of_the_f28335_is_cleared_by_a_one():
+    """WDCR's WDFLAG, whose writes need WDCHK as well. No write sets it."""
+    chip = Chip("f28335")
     chip.eallow()
-    if chip.device == "f28335":
-        lib.ht_regfile_word(chip.rf, WDCR)[0] |= 0x80
-        chip.write(WDCR, 0x2F)
-        assert chip.read(WDCR) == 0x87
-        chip.write(WDCR, 0xAF)
-        assert chip.read(WDCR) == 0x07
-        chip.write(WDCR, 0xAF)
-        assert chip.read(WDCR) == 0x07  # no write sets it
-    else:
-        assert lib.ht_regfile_word(chip.rf, 0x5D380)[0] == 3
-        lib.ht_regfile_word(chip.rf, 0x5D380)[0] = 0x16F
-        for ones, left in ((0, 0x16F), (4, 0x16B), (0x16B, 0)):
-            lib.ht_regfile_write32(chip.rf, 0x5D380, ones)
-            assert lib.ht_regfile_read32(chip.rf, 0x5D380) == left
+    chip.word(WDCR)[0] |= 0x80
+    for value, left in ((0x2F, 0x87), (0xAF, 0x07), (0xAF, 0x07)):
+        chip.write(WDCR, value)
+        assert chip.read(WDCR) == left
+    assert not chip.said
+
+
+def test_flags_of_a_reset_of_the_f28377s_are_cleared_by_ones():
+    """RESC."""
+    chip = Chip("f28377s")
+    chip.eallow()
+    assert chip.word(0x5D380)[0] == 3
+    chip.word(0x5D380)[0] = 0x16F
+    for ones, left in ((0, 0x16F), (4, 0x16B), (0x16B, 0)):
+        chip.write32(0x5D380, ones)
+        assert chip.read32(0x5D380) == left
     assert not chip.said
 
 
@@ -708,25 +718,31 @@ def test_sci_format_changes_in_software_reset(chip):
         assert chip.said == [ORDER]
 
 
-def test_sci_fifos(chip):
+def test_sci_transmit_fifo(chip):
     base = running_sci(chip)
     for n in range(16):
-        assert lib.ht_regfile_sci_arrive(chip.rf, 100 + n)
         chip.write(base + SCITXBUF, 200 + n)
-    assert not lib.ht_regfile_sci_arrive(chip.rf, 1)
-    assert chip.read(base + SCIFFRX) == 0x8000 | 0x2000 | 16 << 8  # overflow, level
     assert chip.read(base + SCIFFTX) == 0xE000 | 16 << 8
     assert not chip.said
     chip.write(base + SCITXBUF, 1)
     assert chip.said == [ORDER]
-    assert [chip.read(base + SCIRXBUF) for _ in range(3)] == [100, 101, 102]
     assert [lib.ht_regfile_sci_leave(chip.rf) for _ in range(17)] == [*range(200, 216), 0xFFFF]
+
+
+def test_sci_receive_fifo(chip):
+    base = running_sci(chip)
+    for n in range(16):
+        assert lib.ht_regfile_sci_arrive(chip.rf, 100 + n)
+    assert not lib.ht_regfile_sci_arrive(chip.rf, 1)
+    assert chip.read(base + SCIFFRX) == 0x8000 | 0x2000 | 16 << 8  # overflow, level
+    assert [chip.read(base + SCIRXBUF) for _ in range(3)] == [100, 101, 102]
     assert chip.read(base + SCIFFRX) >> 8 & 0x1F == 13
     chip.write(base + SCIFFRX, 0x6000)  # clears the overflow
     assert chip.read(base + SCIFFRX) == 0x2000 | 13 << 8
     chip.write(base + SCIFFRX, 0)  # reset empties
     chip.write(base + SCIFFRX, 0x2000)
     assert chip.read(base + SCIFFRX) == 0x2000
+    assert not chip.said
 
 
 def test_sci_receiver_stops_at_an_error(chip):

@@ -75,18 +75,23 @@ def test_while_both_switches_are_off_the_current_chooses_the_diode():
     assert figures["idc_ripple_A"] == pytest.approx(0, abs=1e-6)
 
 
-@pytest.mark.parametrize("device, out_when", [("switch", HIGH), ("diode", LOW)])
-def test_conduction_loss_of_sines(device, out_when):
-    """Every leg is high while its current flows out: only the switches conduct, and each leg loses
-    V 2 I/pi + R I^2/2. The other way round only the diodes conduct."""
-    i = sines()
+def edges_at_the_zeros(out_when):
+    """Each leg is in the state `out_when` while its current flows out, and in the other one while
+    it flows in."""
     rows = []
     for leg, angle in enumerate(ANGLES_RAD):
         for cycle in range(-1, 21):
             zero = (cycle + (angle + np.pi / 2) / (2 * np.pi)) / F1_HZ  # the current falls
             rows += [(zero, leg, LOW if out_when == HIGH else HIGH)]
             rows += [(zero + 0.5 / F1_HZ, leg, out_when)]
-    edges = edges_of([LOW] * 6, rows)
+    return edges_of([LOW] * 6, rows)
+
+
+@pytest.mark.parametrize("device, out_when", [("switch", HIGH), ("diode", LOW)])
+def test_conduction_loss_of_sines(device, out_when):
+    """Every leg is high while its current flows out: only the switches conduct, and each leg loses
+    V 2 I/pi + R I^2/2. The other way round only the diodes conduct."""
+    i, edges = sines(), edges_at_the_zeros(out_when)
     other = "diode" if device == "switch" else "switch"
     inverter = {f"v_{device}_V": 0.8, f"r_{device}_ohm": 0.05, f"v_{other}_V": 0.0}
     each_W = 0.8 * 2 * PEAK_A / np.pi + 0.05 * PEAK_A**2 / 2

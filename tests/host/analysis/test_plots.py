@@ -26,23 +26,25 @@ def drawn(path):
     return float(np.mean(np.any(imread(path)[..., :3] < 0.95, axis=-1)))
 
 
+#: Linear sRGB to the cones' L, M, S, and to X, Y, Z.
+TO_LMS = np.array(
+    [[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]]
+)
+TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+
+
 def seen_without(colour, cone):
     """A colour as a reader sees it who lacks a kind of cones, in CIE L*a*b*. Viénot, Brettel and
     Mollon 1999, in linear sRGB. Lack of the short cones is rare."""
     rgb = np.array([int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)])
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    to_lms = np.array(
-        [[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]]
-    )
     lost = np.eye(3)
     if cone == "long":
         lost[0] = (0, 2.02344, -2.52581)
     if cone == "middle":
         lost[1] = (0.494207, 0, 1.24827)
-    linear = np.clip(np.linalg.inv(to_lms) @ lost @ to_lms @ linear, 0, 1)
-    xyz = np.array(
-        [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-    ) @ linear / (0.9505, 1.0, 1.089)  # fmt: skip
+    linear = np.clip(np.linalg.inv(TO_LMS) @ lost @ TO_LMS @ linear, 0, 1)
+    xyz = TO_XYZ @ linear / (0.9505, 1.0, 1.089)
     f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 

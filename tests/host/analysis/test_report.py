@@ -107,9 +107,7 @@ def test_console_does_not_interpret_names_as_markup(make_run):
 
 def test_html_is_one_self_contained_file(runs, tmp_path):
     figure = plots.bars(runs, tmp_path / "bars.png", PAPER)
-    path = html_report(
-        tmp_path / "new" / "r.html", runs, PAPER, [("Overview", figure)], ["A note."]
-    )
+    path = html_report(tmp_path / "new" / "r.html", runs, PAPER, [("Overview", figure)])
     text = path.read_text(encoding="utf-8")
     page = Page(text)
     assert "http" not in text and "<script" not in text and "@import" not in text
@@ -120,6 +118,11 @@ def test_html_is_one_self_contained_file(runs, tmp_path):
     assert kind == "data:image/png;base64"
     assert base64.b64decode(data, validate=True) == figure.read_bytes()
     assert "prefers-color-scheme: dark" in text
+
+
+def test_html_has_its_sections_and_notes(runs, tmp_path):
+    path = html_report(tmp_path / "r.html", runs, PAPER, notes=["A note."])
+    page = Page(path.read_text(encoding="utf-8"))
     for heading in ("What was run", "Results", "What latency does", "How to reproduce", "A note."):
         assert heading in page.text
     assert "make demo" in page.text

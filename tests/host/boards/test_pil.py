@@ -114,24 +114,26 @@ def test_the_state_test_bit_by_bit(quick, m4f):
     assert abs(outcome.recording["plant.i_u1_A"]).max() > 0.2
 
 
+#: The leg breaks, the flux goes down to what the others carry, and another scheme follows.
+WITHOUT_A_LEG = Profile(
+    duration_s=0.6,
+    speed_rpm=((0.11, 300.0),),
+    load_Nm=((0.25, 2.0),),
+    broken=((0.35, "w1", "open"),),
+    set=((0.5, "scheme", "foc"),),
+    samples_per_period=1,
+)
+
+
 @pytest.mark.parametrize("scheme", ("ddr", "dtc3", "db-dtfc"))
 def test_going_on_without_a_leg_bit_by_bit(quick, m4f, scheme):
-    """The leg breaks, the flux goes down to what the others carry, and another scheme follows."""
     setup = quick.changed(
         controller__scheme=scheme,
         controller__ride_through="least-loss",
         controller__i_rated_A=2.6,
         timing__latency="predicted",
     )
-    profile = Profile(
-        duration_s=0.6,
-        speed_rpm=((0.11, 300.0),),
-        load_Nm=((0.25, 2.0),),
-        broken=((0.35, "w1", "open"),),
-        set=((0.5, "scheme", "foc"),),
-        samples_per_period=1,
-    )
-    outcome = pil.compare(setup, profile, m4f)
+    outcome = pil.compare(setup, WITHOUT_A_LEG, m4f)
     assert outcome.failures() == []
     assert outcome.state == "run"
     assert int(outcome.recording["warnings"][-1]) & 63 == 8
@@ -238,6 +240,17 @@ def test_emulator_that_does_not_start(quick):
         target.controller("f28335", quick.controller_values())
 
 
+def emulator_of(host):
+    """The number of the emulator's process among the host's own, or None."""
+    with open(f"/proc/{host.pid}/task/{host.pid}/children") as file:
+        children = file.read().split()
+    for child in children:
+        with contextlib.suppress(OSError), open(f"/proc/{child}/cmdline") as words:
+            if words.read().startswith(tools.program("qemu-system-arm")):
+                return int(child)
+    return None
+
+
 def running_command(tmp_path, *arguments):
     """`hexatorque ...` as a process, and its emulator's process once there is one."""
     command = [sys.executable, "-m", "hexatorque", *arguments]
@@ -249,11 +262,8 @@ def running_command(tmp_path, *arguments):
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     while host.poll() is None:  # first it builds the image
-        with open(f"/proc/{host.pid}/task/{host.pid}/children") as file:
-            for child in file.read().split():
-                with contextlib.suppress(OSError), open(f"/proc/{child}/cmdline") as words:
-                    if words.read().startswith(tools.program("qemu-system-arm")):
-                        return host, int(child)
+        if (emulator := emulator_of(host)) is not None:
+            return host, emulator
         time.sleep(0.05)
     raise AssertionError(host.communicate())
 

@@ -219,12 +219,8 @@ def test_every_word_of_a_snapshot_is_sent_in_its_place(quick, target):
     measured = getattr(s, "in")
     measured.i_A.p[0:6] = range(11, 17)
     measured.vdc_V, measured.torque_ref_Nm, measured.flux_ref_Wb = 17, 18, 19
-    s.estimate.psi_Wb.alpha, s.estimate.psi_Wb.beta, s.estimate.torque_Nm, s.speed_rpm = (
-        20,
-        21,
-        22,
-        23,
-    )
+    s.estimate.psi_Wb = [20, 21]
+    s.estimate.torque_Nm, s.speed_rpm = 22, 23
     kept = controller.snapshot
     assert kept == firmware.snapshot_of(s)
     assert [kept["tick"], kept["position_counts"]] == [0x12345, 0xFEDC0007]

@@ -233,26 +233,30 @@ def test_restart_after_stop():
     assert np.max(np.abs(sim.take()["plant.i_u1_A"])) < 1e-3
 
 
+def unsteadiness(rpm, switch_rpm):
+    """Of the measured speed, in r/min, and of the steps of the torque reference, in N m: standard
+    deviations at the instants of the slow interrupt."""
+    setup = setups.load("paper-a-feasible").changed(controller__speed_period_rpm=switch_rpm)
+    sim = approach(Point(setup, rpm, 10))
+    begin = sim.periods
+    sim.run(2.0)
+    rec = sim.take()
+    assert rec.meta["register_violations"] == 0
+    assert np.mean(rec["plant.speed_rpm"]) == pytest.approx(rpm, abs=0.15)
+    slow = slice(-begin % 100 * 4, None, 400)
+    error_rpm = (rec["speed_rpm"] - rec["plant.speed_rpm"])[slow]
+    return np.std(error_rpm), np.std(np.diff(rec["torque_ref_Nm"][slow]))
+
+
 @pytest.mark.parametrize("rpm", [3, 30])
 def test_slow_speeds_are_measured_finer_than_a_count(rpm):
     """One count in a slow period is 0.73 r/min: the error of edges per time is spread over
     that. Time per edge must do better by far, and spare the torque reference its steps."""
-    setup = setups.load("paper-a-feasible")
-    error, step = {}, {}
-    for switch in (0.0, 150.0):
-        changed = setup.changed(controller__speed_period_rpm=switch)
-        sim = approach(Point(changed, rpm, 10))
-        begin = sim.periods
-        sim.run(2.0)
-        rec = sim.take()
-        assert rec.meta["register_violations"] == 0
-        slow = slice(-begin % 100 * 4, None, 400)  # instants of the slow interrupt
-        error[switch] = np.std((rec["speed_rpm"] - rec["plant.speed_rpm"])[slow])
-        step[switch] = np.std(np.diff(rec["torque_ref_Nm"][slow]))
-        assert np.mean(rec["plant.speed_rpm"]) == pytest.approx(rpm, abs=0.15)
-    assert error[0.0] > 0.2  # 0.73 / sqrt(12), and the delay
-    assert error[150.0] < 0.5 * error[0.0]
-    assert step[150.0] < 0.4 * step[0.0]
+    counted_rpm, counted_Nm = unsteadiness(rpm, 0.0)
+    timed_rpm, timed_Nm = unsteadiness(rpm, 150.0)
+    assert counted_rpm > 0.2  # 0.73 / sqrt(12), and the delay
+    assert timed_rpm < 0.5 * counted_rpm
+    assert timed_Nm < 0.4 * counted_Nm
 
 
 @pytest.mark.parametrize("setup", ["paper-a-feasible", "paper-b"])
@@ -448,23 +452,23 @@ def test_modulated_law_changes_with_every_other_one_in_flight(setup, ours):
         assert sim.speed_rpm == pytest.approx(speed_rpm, abs=0.02 * abs(speed) + 5)
 
 
+def swing_Nm(setup, share):
+    """Of the torque, with a leakage in use that is 2.3 times the machine's."""
+    too_large_H = 2.3 * setup.parameter("sigma_ls_H")
+    changes = {"controller.sigma_ls_H": too_large_H, "controller.step_share": share}
+    sim = SimulatedDrive(setup.changed(changes), 1)
+    sim.start()
+    sim.set("speed_ref_rpm", 300)
+    sim.run(1.0, record=False)
+    sim.run(0.05)
+    return float(sim.take()["plant.torque_Nm"].std())
+
+
 @pytest.mark.parametrize("name", ("small-2kw", "large-110kw"))
 def test_smaller_steps_bear_a_leakage_that_is_far_too_large(name):
     """A step of the torque acts as many times too strongly as the leakage in use is too large, and
     the law sees it a period later. Whole steps swing beyond twice, half ones beyond three times."""
     setup = setups.load(name).with_scheme("db-dtfc")
-
-    def swing_Nm(share: float) -> float:
-        too_large = 2.3 * setup.parameter("sigma_ls_H")
-        sim = SimulatedDrive(
-            setup.changed(controller__sigma_ls_H=too_large, controller__step_share=share), 1
-        )
-        sim.start()
-        sim.set("speed_ref_rpm", 300)
-        sim.run(1.0, record=False)
-        sim.run(0.05)
-        return float(sim.take()["plant.torque_Nm"].std())
-
     rated_Nm = setup["rated.torque_Nm"]
-    assert swing_Nm(1.0) > 0.1 * rated_Nm
-    assert swing_Nm(0.5) < 0.01 * rated_Nm
+    assert swing_Nm(setup, 1.0) > 0.1 * rated_Nm
+    assert swing_Nm(setup, 0.5) < 0.01 * rated_Nm

@@ -83,15 +83,18 @@ def test_an_encoder_that_stops_on_a_light_shaft_is_found(scheme):
     assert sim.faults == ["encoder against flux speed"]
 
 
+#: Set-ups, schemes, and shares of the rated speed and torque.
+LOW_SIGMA = [
+    (name, scheme, share, load)
+    for name in ("small-2kw", "large-110kw")
+    for scheme in ("fdr", "ddr", "ddr-ml")
+    for share, load in ((0.05, 1), (0.1, -1), (0.5, 1))
+]
+
+
 def test_the_observer_holds_the_flux_of_machines_of_low_sigma():
     """True flux within 2 % of its reference, with dead time, down to a twentieth of rated speed."""
-    cases = [
-        (name, scheme, share, load)
-        for name in ("small-2kw", "large-110kw")
-        for scheme in ("fdr", "ddr", "ddr-ml")
-        for share, load in ((0.05, 1), (0.1, -1), (0.5, 1))
-    ]
-    cases = part(cases, 4)
+    cases = part(LOW_SIGMA, 4)
     points = []
     for name, scheme, share, load in cases:
         setup = setups.load(name).with_scheme(scheme, load__kind="constant")

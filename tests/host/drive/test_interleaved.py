@@ -43,13 +43,19 @@ def test_both_ends_of_the_knob_against_the_deadbeat_law(place):
     assert clean["thd_inf_pct"] <= 1.02 * theirs["thd_inf_pct"]
 
 
+def started(setup, samples_per_period=1):
+    """The drive, a tenth of a second after its flux is built up."""
+    sim = SimulatedDrive(setup, samples_per_period)
+    sim.start()
+    sim.run(setup.parameter("build_s") + 0.1, record=False)
+    return sim
+
+
 @pytest.mark.parametrize("setup", ("paper-a-feasible", "paper-b", "small-2kw", "large-110kw"))
 @pytest.mark.parametrize("thd_share", (0.0, 1.0))
 def test_a_start_a_reversal_and_a_load(setup, thd_share):
     base = setups.load(setup).with_scheme("db-ipwm", controller__thd_share=thd_share)
-    sim = SimulatedDrive(base, 1)
-    sim.start()
-    sim.run(base.parameter("build_s") + 0.1, record=False)
+    sim = started(base)
     speed_rpm, load_Nm = base["point.speed_rpm"], base["point.load_Nm"]
     for speed, load in (
         (speed_rpm, load_Nm),
@@ -88,9 +94,7 @@ def test_a_run_up_beyond_the_reach_with_the_full_flux_trips_nothing(scheme, f_is
         controller__field_weakening="off",
         timing__latency="predicted",
     )
-    sim = SimulatedDrive(base, 1)
-    sim.start()
-    sim.run(base.parameter("build_s") + 0.1, record=False)
+    sim = started(base)
     sim.set("speed_ref_rpm", 4600.0)
     sim.run(1.5, record=False)
     sim.check()
@@ -105,9 +109,7 @@ def test_the_knob_moves_while_the_drive_runs(setup):
     """Through the voltage and the share from which the sets begin together, without a dip of the
     torque beyond a quarter."""
     base = setups.load(setup).with_scheme("db-ipwm", controller__f_isr_Hz=10e3)
-    sim = SimulatedDrive(base, 4)
-    sim.start()
-    sim.run(0.5, record=False)
+    sim = started(base, 4)
     speed_rpm, load_Nm = (700, 8.0) if setup == "paper-a-feasible" else (2300, 2.0)
     sim.set("speed_ref_rpm", speed_rpm)
     sim.run(1.5, record=False)
@@ -137,9 +139,7 @@ def test_what_a_torque_step_adds_to_the_current_is_what_check_says(thd_share):
         sensors__i_noise_A=0.04,
     )
     (told,) = (f for f in review.review(setup, ["db-ipwm"], steady=False) if f.subject == PEAK)
-    sim = SimulatedDrive(setup, 4)
-    sim.start()
-    sim.run(setup.parameter("build_s") + 0.1, record=False)
+    sim = started(setup, 4)
     limit_Nm = setup.parameter("torque_limit_Nm")
     sim.set_many({"control_mode": "torque", "torque_ref_Nm": limit_Nm})
     for step in range(30):

@@ -291,27 +291,36 @@ def test_a_second_loss_stops(scheme, second):
     assert scheme == "ddr" or len(named) == (1 if second == "v1" else 2)
 
 
+def stopped_by_a_loss(losses, **changes):
+    """The snapshot of a start in which the phases are lost at these times."""
+    changes = dict(RIDE, controller__build_s=0.4, **changes)
+    setup = setups.load("paper-a-feasible").changed(timing__latency="predicted", **changes)
+    sim = SimulatedDrive(setup, 1)
+    for phase, begins in losses.items():
+        sim.break_leg(phase, "open", begins)
+    sim.start()
+    for _ in range(100):
+        sim.run(0.005, record=False)
+    assert sim.state == "fault" and sim.snapshot["faults"] == ["phase lost"]
+    assert "phase u1 lost" in sim.snapshot["warnings"]
+    return sim.snapshot
+
+
 @pytest.mark.parametrize("ride_through", ("off", "least-loss"))
-def test_a_loss_in_the_build_up_stops_and_a_second_one_at_its_end(ride_through):
+@pytest.mark.parametrize("begins", (0.0, 0.1))
+def test_a_loss_in_the_build_up_stops(ride_through, begins):
+    snapshot = stopped_by_a_loss({"u1": begins}, controller__ride_through=ride_through)
+    assert snapshot["state"] == "build"
+    assert "another phase lost" not in snapshot["warnings"]
+
+
+def test_a_second_loss_in_the_build_up_stops_at_its_end():
     """A drive that begins without u1 finds w1's loss when it begins to run."""
-    for begins, second in ((0.0, None), (0.1, None), (0.1, "w1")):
-        changes = dict(RIDE, controller__ride_through=ride_through, controller__build_s=0.4)
-        if second:
-            if ride_through == "off":
-                continue
-            changes["controller__lost_legs"] = 32
-        setup = setups.load("paper-a-feasible").changed(timing__latency="predicted", **changes)
-        sim = SimulatedDrive(setup, 1)
-        if second:
-            sim.break_leg("u1", "open")
-        sim.break_leg(second or "u1", "open", begins)
-        sim.start()
-        for _ in range(100):
-            sim.run(0.005, record=False)
-        assert sim.state == "fault" and sim.snapshot["faults"] == ["phase lost"]
-        assert sim.snapshot["state"] == ("run" if second else "build")
-        assert "phase u1 lost" in sim.snapshot["warnings"]
-        assert ("another phase lost" in sim.snapshot["warnings"]) == bool(second)
+    snapshot = stopped_by_a_loss(
+        {"u1": 0.0, "w1": 0.1}, controller__ride_through="least-loss", controller__lost_legs=32
+    )
+    assert snapshot["state"] == "run"
+    assert "another phase lost" in snapshot["warnings"]
 
 
 def test_the_scheme_may_change_without_a_leg():
@@ -489,23 +498,25 @@ def test_where_x_y_currents_are_not_regulated_nothing_is_learnt(scheme):
     assert sim.controller.drive.sets.ohm == 0.0
 
 
+def ripple_without_a_leg_Nm(phase, known):
+    """known: whether the drive keeps what it has learnt of the sets' resistances."""
+    sim = running(
+        "db-dtfc", 50.0, -2.5, controller__ride_through="most-torque",
+        controller__i_rated_A=RATED_A,
+    )  # fmt: skip
+    sim.run(0.6, record=False)
+    if not known:
+        sim.controller.drive.sets.ohm = 0.0
+    sim.break_leg(phase, "open")
+    sim.run(1.5, record=False)
+    sim.run(0.8)
+    assert sim.state == "run"
+    return float(np.std(sim.take()["plant.torque_Nm"]))
+
+
 @pytest.mark.parametrize("phase", ("v1", "w2"))
 def test_without_a_leg_what_was_learnt_takes_the_ripple_off_the_torque(phase):
     """Each set has an axis of its own then. At low speed a resistance that is wrong along one of
     them makes the flux, and with it the torque, ripple at twice the frequency."""
-    ripple_Nm = []
-    for known in (True, False):
-        sim = running(
-            "db-dtfc", 50.0, -2.5, controller__ride_through="most-torque",
-            controller__i_rated_A=RATED_A,
-        )  # fmt: skip
-        sim.run(0.6, record=False)
-        if not known:
-            sim.controller.drive.sets.ohm = 0.0
-        sim.break_leg(phase, "open")
-        sim.run(1.5, record=False)
-        sim.run(0.8)
-        torque = sim.take()["plant.torque_Nm"]
-        ripple_Nm.append(float(np.std(torque)))
-        assert sim.state == "run"
-    assert ripple_Nm[0] < 0.06 < 0.7 * ripple_Nm[1]
+    known_Nm, unknown_Nm = (ripple_without_a_leg_Nm(phase, known) for known in (True, False))
+    assert known_Nm < 0.06 < 0.7 * unknown_Nm

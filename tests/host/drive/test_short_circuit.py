@@ -329,13 +329,18 @@ def test_a_load_that_drives_an_idle_machine_beyond_its_ceiling(sign):
 
 
 @pytest.mark.parametrize("device", ["f28335", "f28377s"])
-def test_a_lost_interrupt(device):
-    """While the drive runs, the hardware takes the gates off: nothing without code could keep the
-    dead time. A short circuit that is there stays: the latches hold it."""
+def test_a_lost_interrupt_of_a_drive_that_runs_takes_the_gates_off(device):
+    """Nothing without code could keep the dead time."""
     drive = running("magnet-surface", 1.1, device=device)
     drive.lose_interrupts(True)
     drive.run(0.0005, record=False)
     assert all(state == OFF for state in drive.inverter.leg)
+    assert drive.gate_mistake == "" and drive.controller.registers.violations == 0
+
+
+@pytest.mark.parametrize("device", ["f28335", "f28377s"])
+def test_a_short_circuit_stays_when_an_interrupt_is_lost(device):
+    """The latches hold it."""
     drive = tripped(running("magnet-surface", 1.1, device=device))
     drive.run(0.002, record=False)
     assert shorted(drive)

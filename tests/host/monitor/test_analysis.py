@@ -55,12 +55,18 @@ def test_figures_are_those_of_numpy(page):
         assert [found[name] for name in COLUMNS] == pytest.approx(of_numpy(values), rel=1e-9)
         assert found["missing"] == np.isnan(values).sum()
         assert found["count"] + found["missing"] == len(values)
-    # Large parts that cancel: the sum is rounded once.
+
+
+def test_a_sum_of_large_parts_that_cancel_is_rounded_once(page):
+    rng = np.random.default_rng(3)
     values = np.concatenate([1e9 + rng.normal(size=3000), -1e9 + rng.normal(size=3000)])
     found = computed(page, "figures(x)", values)
     assert found["mean"] == pytest.approx(math.fsum(values) / len(values), rel=1e-9)
+
+
+def test_figures_of_no_number_are_its_two_counts_only(page):
     nothing = computed(page, "Object.values(figures(x)).map(Number.isFinite)", np.array([np.nan]))
-    assert nothing == [True, True] + [False] * 5  # the two counts only
+    assert nothing == [True, True] + [False] * 5
 
 
 @pytest.mark.parametrize("count", [4, 5, 64, 1000, 1023, 4099, 20011])
@@ -303,21 +309,32 @@ def test_the_part_of_the_live_traces_is_what_the_ring_has(browser, site, monkeyp
     page.close()
 
 
-def test_words_are_apart_and_have_contrast(captured):
+#: Kinds of analysis, and when each is done.
+KINDS = [
+    ("figures", f"Object.keys({TABLE}).length === 4"),
+    ("spectrum", f"{LINES}.length > 1"),
+    ("xy", "document.querySelector('#analysis canvas.xy')"),
+]
+
+
+@pytest.mark.parametrize(("kind", "done"), KINDS)
+def test_words_are_apart_and_have_contrast(captured, kind, done):
     page = captured(SIGNALS)
-    for kind, done in (
-        ("figures", f"Object.keys({TABLE}).length === 4"), ("spectrum", f"{LINES}.length > 1"),
-        ("xy", "document.querySelector('#analysis canvas.xy')"),
-    ):  # fmt: skip
-        page.choose("#analyse", kind)
-        page.until(done)
-        for wide in (1024, 1280, 1600):
-            page.size(wide, 720)
-            assert page.js(f"{LAID_OUT}('calibrate', 'over-current')") == [], (kind, wide)
-        for scheme in ("light", "dark"):
-            page.scheme(scheme)
-            assert page.js(PALE) == [], (kind, scheme)
-    # What can be used has a name for a screen reader.
+    page.choose("#analyse", kind)
+    page.until(done)
+    for wide in (1024, 1280, 1600):
+        page.size(wide, 720)
+        assert page.js(f"{LAID_OUT}('calibrate', 'over-current')") == [], wide
+    for scheme in ("light", "dark"):
+        page.scheme(scheme)
+        assert page.js(PALE) == [], scheme
+
+
+@pytest.mark.parametrize(("kind", "done"), KINDS)
+def test_what_can_be_used_has_a_name_for_a_screen_reader(captured, kind, done):
+    page = captured(SIGNALS)
+    page.choose("#analyse", kind)
+    page.until(done)
     nameless = page.js(
         "[...document.querySelectorAll('.tools select, #analysis :is(input, select, canvas)')]"
         ".filter((e) => !e.getAttribute('aria-label') && !e.labels?.length).map((e) => e.outerHTML)"

@@ -92,15 +92,19 @@ def test_start_speed_traces_stop(page, monitor):
     assert requests and all(url.startswith(f"http://{monitor.host}/") for url in requests)
 
 
+#: Keys that stop the drive, and where the focus is.
+STOPPED_BY = (
+    ("Escape", "Escape", "document.activeElement.blur()"),
+    ("Escape", "Escape", f"document.querySelector('{QUICK_SPEED}').focus()"),
+    ("Escape", "Escape", "document.querySelector('#window').focus()"),
+    (" ", "Space", "document.activeElement.blur()"),
+    (" ", "Space", "document.querySelector('#start').focus()"),
+    (" ", "Space", "document.querySelector('#record').focus()"),
+)
+
+
 def test_a_key_stops_the_drive_wherever_the_focus_is(page):
-    for key, code, where in (
-        ("Escape", "Escape", "document.activeElement.blur()"),
-        ("Escape", "Escape", f"document.querySelector('{QUICK_SPEED}').focus()"),
-        ("Escape", "Escape", "document.querySelector('#window').focus()"),
-        (" ", "Space", "document.activeElement.blur()"),
-        (" ", "Space", "document.querySelector('#start').focus()"),
-        (" ", "Space", "document.querySelector('#record').focus()"),
-    ):
+    for key, code, where in STOPPED_BY:
         start(page)
         page.js(where)
         page.key(key, code, key if key == " " else "")
@@ -644,9 +648,14 @@ def test_arrow_keys_move_between_tabs(page):
         page.key(key, key)
         assert page.js(f"[{chosen}, {focus}]") == [name, name]
         assert page.js(f"document.querySelector('#panel-{name}').checkVisibility()")
-    # The Tab key stops at one tab of the list only.
+
+
+def test_the_tab_key_stops_at_one_tab_of_the_list_only(page):
     stops = page.js("[...document.querySelectorAll('.tabs [role=tab]')].map((t) => t.tabIndex)")
     assert sorted(stops) == [-1] * (len(stops) - 1) + [0]
+
+
+def test_each_tab_names_its_panel(page):
     linked = page.js(
         "[...document.querySelectorAll('.tabs [role=tab]')].every((t) =>"
         "document.getElementById(t.getAttribute('aria-controls')).role === 'tabpanel')"

@@ -69,27 +69,39 @@ def test_a_request_without_a_file_is_refused(site, body):
     assert status == 400 and "needed" in answer["error"]
 
 
-def test_what_differs_from_a_file_and_from_the_defaults(site):
+#: 0.1 is no float32 number: the board keeps another one, and this is no difference.
+ON_THE_BOARD = {"rs_ohm": 0.1, "scheme": "fdr", "predict": "on"}
+A_FILE = {
+    "file": "a.toml",
+    "text": "[parameters]\nrs_ohm = 0.1\nscheme = 'ddr'\npredict = true\nlm_H = 0.5\n",
+}
+
+
+def test_what_differs_from_a_file(site):
     drive = site.monitored.drive
-    # 0.1 is no float32 number: the board keeps another one, and this is no difference.
-    drive.set_many({"rs_ohm": 0.1, "scheme": "fdr", "predict": "on"})
-    text = "[parameters]\nrs_ohm = 0.1\nscheme = 'ddr'\npredict = true\nlm_H = 0.5\n"
-    status, answer = site.post("/parameters/difference", {"file": "a.toml", "text": text})
+    drive.set_many(ON_THE_BOARD)
+    status, answer = site.post("/parameters/difference", A_FILE)
     assert (status, answer["compared"]) == (200, 4)
     lm_H = drive.get("lm_H")
     assert answer["differing"] == [
         {"name": "scheme", "board": "fdr", "other": "ddr", "unit": ""},
         {"name": "lm_H", "board": lm_H, "other": 0.5, "unit": "H"},
     ]
+    # Writing what differs makes both the same.
+    site.post("/write", {"values": {"scheme": "ddr", "lm_H": 0.5}})
+    status, answer = site.post("/parameters/difference", A_FILE)
+    assert answer["differing"] == []
+
+
+def test_what_differs_from_the_defaults(site):
+    drive = site.monitored.drive
+    drive.set_many(ON_THE_BOARD)
     status, answer = site.post("/parameters/difference", {})
+    assert status == 200
     rows, now = firmware.parameters(), drive.get_all()
     differing = {name for name, row in rows.items() if row.show(row.initial) != now[name]}
     assert answer["compared"] == len(rows)
     assert {row["name"] for row in answer["differing"]} == differing
-    # Writing what differs makes both the same.
-    status, _ = site.post("/write", {"values": {"scheme": "ddr", "lm_H": 0.5}})
-    status, answer = site.post("/parameters/difference", {"file": "a.toml", "text": text})
-    assert answer["differing"] == []
 
 
 def test_the_board_keeps_and_forgets_its_parameters_beside_the_traces(site, board):

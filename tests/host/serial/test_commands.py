@@ -356,8 +356,7 @@ def test_ports_that_are_none(capsys, tmp_path):
 
 
 def test_a_name_belongs_to_one_board(tmp_path, capsys):
-    """A second board does not take the name of one that runs, nor a link to anything else; that
-    of a killed board it does."""
+    """A second board does not take the name of one that runs; that of a killed board it does."""
     name = tmp_path / "board"
     first = background("serve", "--setup", "paper-b", "--link", str(name))
     line_with(first, "Ctrl-C")
@@ -371,6 +370,10 @@ def test_a_name_belongs_to_one_board(tmp_path, capsys):
     again.terminate()
     again.communicate(timeout=30)
     assert not name.is_symlink()
+
+
+def test_a_board_does_not_take_the_name_of_a_link_to_anything_else(tmp_path):
+    name = tmp_path / "board"
     name.symlink_to(tmp_path)
     assert main(["board", "serve", "--setup", "paper-b", "--link", str(name)]) == 2
     assert name.resolve() == tmp_path

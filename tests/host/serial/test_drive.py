@@ -44,20 +44,26 @@ def test_a_board_takes_keys_and_text_as_a_simulated_drive_does(drive):
     drive.set_many({"controller.scheme": "FDR", "rs_ohm": "1,75"})
     assert drive.get("controller.rs_ohm") == 1.75 and drive.get("scheme") == "fdr"
     drive.set("scheme", "ddr")
-    simulated = SimulatedDrive(setups.load("paper-b"))
-    for name, value in [
-        ("sped_ref_rpm", 1), ("machine.rs_ohm", 1), ("rs_ohm", "much"), ("scheme", "dtc9"),
-        ("rs_ohm", -1),
-    ]:  # fmt: skip
-        said = []
-        for one in (drive, simulated):
-            with pytest.raises(InputError) as caught:
-                one.set(name, value)
-            said.append(str(caught.value))
-        assert said[0] == said[1]
-    for duration_s in (-1, float("nan")):
-        with pytest.raises(InputError, match="a time of 0 s or more"):
-            drive.run(duration_s)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("sped_ref_rpm", 1), ("machine.rs_ohm", 1), ("rs_ohm", "much"), ("scheme", "dtc9"),
+     ("rs_ohm", -1)],
+)  # fmt: skip
+def test_a_board_refuses_keys_and_text_as_a_simulated_drive_does(drive, name, value):
+    said = []
+    for one in (drive, SimulatedDrive(setups.load("paper-b"))):
+        with pytest.raises(InputError) as caught:
+            one.set(name, value)
+        said.append(str(caught.value))
+    assert said[0] == said[1]
+
+
+@pytest.mark.parametrize("duration_s", (-1, float("nan")))
+def test_a_board_does_not_run_for_less_than_no_time(drive, duration_s):
+    with pytest.raises(InputError, match="a time of 0 s or more"):
+        drive.run(duration_s)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 1001.0])

@@ -67,13 +67,16 @@ class Board:
             self.left -= 1
             if self.left == 0:
                 self.left = self.decimation
-                value = float(self.true_tick % 65536)
-                head = (0x40, self.number & 0xFF, self.true_tick % WORD)
-                if sampled not in lose:
-                    self.waiting.append(struct.pack("<BBIf", *head, value))
-                self.due.append((self.life, self.true_tick))
-                self.number += 1
+                self._sample(sampled in lose)
                 sampled += 1
+
+    def _sample(self, lost: bool) -> None:
+        if not lost:
+            head = (0x40, self.number & 0xFF, self.true_tick % WORD)
+            value = float(self.true_tick % 65536)
+            self.waiting.append(struct.pack("<BBIf", *head, value))
+        self.due.append((self.life, self.true_tick))
+        self.number += 1
 
     def arrive(self) -> None:
         bodies, self.waiting = self.waiting, []

@@ -171,7 +171,9 @@ def virtual(file, **changes):
     return VirtualBoard(setup, store=file)
 
 
-def test_file_of_a_virtual_board(tmp_path):
+@pytest.fixture
+def saved_file(tmp_path):
+    """The file of a virtual board that has saved a resistance of 1.75 ohm."""
     file = tmp_path / "bench.store"
     with virtual(file) as first:
         assert first.controller.parameter_set == "built-in"
@@ -179,17 +181,24 @@ def test_file_of_a_virtual_board(tmp_path):
         first.controller.set("rs_ohm", 1.75)
         store, drive = first.controller.store, first.controller.drive
         assert firmware.lib.ht_store_save(store.handle, drive) == firmware.lib.HT_OK
-    with virtual(file, controller__rs_ohm=1.5) as second:
+    return file
+
+
+def test_a_virtual_board_takes_what_its_file_has(saved_file):
+    with virtual(saved_file, controller__rs_ohm=1.5) as second:
         assert second.controller.parameter_set == "saved"
         assert second.controller.get("rs_ohm") == 1.75
         second.run(0.01)  # the plant runs beside it
-    raw = bytearray(file.read_bytes())
+
+
+def test_a_damaged_file_of_a_virtual_board_leaves_what_the_set_up_says(saved_file):
+    raw = bytearray(saved_file.read_bytes())
     for at in range(40, SIZE, 97):
         raw[at] ^= 0x10
-    file.write_bytes(raw)
-    with virtual(file, controller__rs_ohm=1.5) as third:
+    saved_file.write_bytes(raw)
+    with virtual(saved_file, controller__rs_ohm=1.5) as third:
         assert third.controller.parameter_set == "built-in: the saved set is damaged"
-        assert third.controller.get("rs_ohm") == 1.5  # what the set-up says
+        assert third.controller.get("rs_ohm") == 1.5
 
 
 def test_a_file_that_is_no_store(tmp_path):

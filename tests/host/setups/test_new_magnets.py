@@ -122,20 +122,34 @@ def test_harmonics_that_a_sheet_does_not_tell_are_no_lost_leg():
     assert told["controller.loss_check"] < 0.5 * untold["controller.loss_check"]
 
 
-def test_the_aligning_current_and_its_ripple_leave_the_d_axis_where_it_is():
-    """T = 3 P (psi_f + (L_d - L_q) i_d) i_q: with i_d above psi_f/(L_q - L_d) the rotor turns away
-    from the current, and the shaft is held best with half of it. Under immediate load the step of a
-    period comes on top of the regulated current."""
+@pytest.fixture
+def salient():
+    """A drive and its best current to align the rotor with. T = 3 P (psi_f + (L_d - L_q) i_d) i_q:
+    with i_d above psi_f/(L_q - L_d) the rotor turns away from the current, and the shaft is held
+    best with half of it."""
     sheet = INTERIOR.replace("current_A=4.6", "current_A=8")
     setup = setups.parse(new.from_magnets(sheet, "x"), "x")
     saliency_H = setup["machine.lq_H"] - setup["machine.ld_H"]
-    best_A = 0.5 * setup["machine.psi_f_Wb"] / saliency_H
+    return setup, 0.5 * setup["machine.psi_f_Wb"] / saliency_H
+
+
+def test_the_aligning_current_is_the_best_one(salient):
+    setup, best_A = salient
     assert setup["controller.build_current_A"] == pytest.approx(best_A, rel=1e-3)
+
+
+def test_the_aligning_current_leaves_room_for_the_step_of_a_period(salient):
+    """Under immediate load it comes on top of the regulated current."""
+    setup, best_A = salient
     steps = setup.changed(timing__latency="none", controller__scheme="ddr")
     step_A = 0.6 * steps["inverter.vdc_V"] / steps["controller.f_isr_Hz"] / steps["machine.ld_H"]
     rated_A = Design(steps, steps.parameter).current_A(steps["rated.torque_Nm"])
     most_A = max(best_A - step_A, 0.1 * rated_A)
     assert steps["controller.build_current_A"] == pytest.approx(most_A, rel=0.03)
+
+
+def test_check_says_that_an_aligning_current_turns_the_rotor_away(salient):
+    setup, best_A = salient
     high = setup.changed(controller__build_current_A=1.7 * best_A)
     subject = "current that aligns the rotor, and its ripple, which must not turn the q axis there"
     found = [f.verdict for f in review.review(high, ["foc"]) if f.subject == subject]

@@ -69,6 +69,17 @@ def test_refused_with_the_name_and_the_range(text, words):
         assert word in str(error.value)
 
 
+MISTAKES = [
+    "machine.drs_ohm = 'two'",
+    "machine.drs_ohm = 4e+09",
+    "machine.rs_ohm = -1",
+    "profile.speed_rpm time = -1",
+    "title = 3",
+    "unknown key controller.schem; did you mean 'scheme'?",
+    r"unknown key machine.'a\nb'; known",
+]
+
+
 def test_all_mistakes_of_a_file_are_reported_together(tmp_path, capsys):
     from hexatorque.cli.main import main
 
@@ -81,15 +92,7 @@ def test_all_mistakes_of_a_file_are_reported_together(tmp_path, capsys):
     lines = capsys.readouterr().err.splitlines()
     begin = f"hexatorque: {file}: "
     assert all(line.startswith(begin) for line in lines)
-    assert sorted(line.removeprefix(begin).split(":")[0] for line in lines) == [
-        "machine.drs_ohm = 'two'",
-        "machine.drs_ohm = 4e+09",
-        "machine.rs_ohm = -1",
-        "profile.speed_rpm time = -1",
-        "title = 3",
-        "unknown key controller.schem; did you mean 'scheme'?",
-        r"unknown key machine.'a\nb'; known",
-    ]
+    assert sorted(line.removeprefix(begin).split(":")[0] for line in lines) == MISTAKES
 
 
 def test_mistakes_over_several_values_are_reported_together():

@@ -115,24 +115,35 @@ def test_the_heat_of_the_devices_from_first_principles():
     assert seen["device_K_W"] == pytest.approx(2.0)
 
 
-def test_check_says_where_the_drive_is_told_other_devices_than_the_plant_has():
+def notes_of_devices(**shares):
+    """The notes of `check` on the devices of a drive that is told these shares of the plant's."""
     base = setups.load("paper-b").changed(STAGE)
-
-    def notes(**changes):
-        found = review(base.changed({f"controller.{k}": v for k, v in changes.items()}), ())
-        return [(f.subject, f.verdict) for f in found if "devices" in f.subject and f.advice]
-
     right = setups.parameters(base)
-    assert notes() == [] and notes(device_K_W=right["device_K_W"]) == []
-    rise, time = "rise of the devices as the drive computes it", "time constant of the devices"
-    for changes, subject in (
-        ({"device_K_W": 0.0}, rise),
-        ({"device_K_W": 0.8 * right["device_K_W"]}, rise),
-        ({"device_ohm": 2.0, "device_K_W": right["device_K_W"]}, rise),
-        ({"device_s": 2 * right["device_s"]}, time),
-    ):
-        ((told, verdict),) = notes(**changes)
-        assert told.startswith(subject) and verdict == "note"
+    told = {f"controller.{key}": share * right[key] for key, share in shares.items()}
+    found = review(base.changed(told), ())
+    return [(f.subject, f.verdict) for f in found if "devices" in f.subject and f.advice]
+
+
+@pytest.mark.parametrize("shares", [{}, {"device_K_W": 1.0}])
+def test_check_says_nothing_where_the_drive_is_told_the_plants_devices(shares):
+    assert notes_of_devices(**shares) == []
+
+
+RISE, TIME = "rise of the devices as the drive computes it", "time constant of the devices"
+
+
+@pytest.mark.parametrize(
+    ("shares", "subject"),
+    [
+        ({"device_K_W": 0.0}, RISE),
+        ({"device_K_W": 0.8}, RISE),
+        ({"device_ohm": 100.0, "device_K_W": 1.0}, RISE),
+        ({"device_s": 2.0}, TIME),
+    ],
+)
+def test_check_says_where_the_drive_is_told_other_devices_than_the_plant_has(shares, subject):
+    ((told, verdict),) = notes_of_devices(**shares)
+    assert told.startswith(subject) and verdict == "note"
 
 
 #: A drive with magnets, with what a file must give.

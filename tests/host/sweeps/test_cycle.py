@@ -173,11 +173,10 @@ def test_a_study_whose_scheme_does_not_vary_has_a_picture(tmp_path):
     assert study.map(tmp_path / "m.png").read_bytes()[:4] == b"\x89PNG"
 
 
-@pytest.mark.parametrize("over", [1, 2])
-def test_kinds_of_a_scheme_are_not_mixed_over_numbers(tmp_path, monkeypatch, over):
-    """They were averaged."""
+def map_of_kinds(tmp_path, monkeypatch, **over):
+    """The map of a study with both kinds of a scheme: 1 W with the least loss, and 2 W without."""
     keys = {"controller.flux_least_loss": ["off", "on"], "point.speed_rpm": [500, 1000]}
-    keys |= {"point.load_Nm": [1.0, 2.0]} if over == 2 else {}
+    keys |= {f"point.{name}": values for name, values in over.items()}
     study = Study("paper-b", keys, ["loss_W"], schemes=["ddr"])
     drawn = []
     monkeypatch.setattr(maps, "_save", lambda figure, path: drawn.append(figure) or path)
@@ -185,13 +184,21 @@ def test_kinds_of_a_scheme_are_not_mixed_over_numbers(tmp_path, monkeypatch, ove
         least_loss = study.results.space.case(number).values["controller.flux_least_loss"] == "on"
         study.results.add(Row(number, (1.0 if least_loss else 2.0,)))
     study.map(tmp_path / "m.png")
-    if over == 2:
-        titles = [ax.get_title() for ax in drawn[0].axes]
-        assert "ddr, flux_least_loss on\nloss_W [W]" in titles
-        assert "ddr, flux_least_loss off\nloss_W [W]" in titles
-    else:
-        lines = {line.get_label(): set(line.get_ydata()) for line in drawn[0].axes[0].lines}
-        assert lines == {"ddr, flux_least_loss off": {2.0}, "ddr, flux_least_loss on": {1.0}}
+    return drawn[0]
+
+
+def test_kinds_of_a_scheme_are_not_mixed_over_a_number(tmp_path, monkeypatch):
+    """They were averaged."""
+    (axes,) = map_of_kinds(tmp_path, monkeypatch).axes
+    lines = {line.get_label(): set(line.get_ydata()) for line in axes.lines}
+    assert lines == {"ddr, flux_least_loss off": {2.0}, "ddr, flux_least_loss on": {1.0}}
+
+
+def test_kinds_of_a_scheme_are_not_mixed_over_two_numbers(tmp_path, monkeypatch):
+    figure = map_of_kinds(tmp_path, monkeypatch, load_Nm=[1.0, 2.0])
+    titles = [ax.get_title() for ax in figure.axes]
+    assert "ddr, flux_least_loss on\nloss_W [W]" in titles
+    assert "ddr, flux_least_loss off\nloss_W [W]" in titles
 
 
 def test_titles_of_a_map_are_whole_and_apart(monkeypatch, tmp_path):

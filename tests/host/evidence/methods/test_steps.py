@@ -52,6 +52,18 @@ def test_a_torque_that_never_comes_has_no_rise():
     assert np.isnan(steps.rise(time_s, 0.8 * (time_s > 1e-3), 0.0, 1.0)[0])
 
 
+def stepped(answer, down_s):
+    """Steps of 2 N m, answered by this share of them: up by a ramp of 1 ms, down by another."""
+    time_s = np.arange(0, 0.2, 1 / RATE_HZ)
+    reference, torque = np.ones_like(time_s), np.ones_like(time_s)
+    for begin, end in ((0.02, 0.06), (0.1, 0.14)):
+        reference[(time_s >= begin) & (time_s < end)] = 3.0
+        torque += 2 * answer * np.clip((time_s - begin) / 1e-3, 0, 1)
+        torque -= 2 * answer * np.clip((time_s - end) / down_s, 0, 1)
+    channels = {"torque_ref_Nm": reference, "plant.torque_Nm": torque}
+    return Recording(RATE_HZ, channels, dict.fromkeys(channels, "N m"), {"samples_per_period": 4})
+
+
 @pytest.mark.parametrize(
     ("answer", "down_s", "down_ms"),
     [
@@ -61,21 +73,7 @@ def test_a_torque_that_never_comes_has_no_rise():
     ],
 )
 def test_steps_are_found_in_the_reference(answer, down_s, down_ms):
-    """Steps of 2 N m, answered by this share of them: up by a ramp of 1 ms, down by another."""
-    time_s = np.arange(0, 0.2, 1 / RATE_HZ)
-    up, down = (0.02, 0.1), (0.06, 0.14)
-    reference, torque = np.ones_like(time_s), np.ones_like(time_s)
-    for begin, end in zip(up, down):
-        reference[(time_s >= begin) & (time_s < end)] = 3.0
-        torque += 2 * answer * np.clip((time_s - begin) / 1e-3, 0, 1)
-        torque -= 2 * answer * np.clip((time_s - end) / down_s, 0, 1)
-    rec = Recording(
-        RATE_HZ,
-        {"torque_ref_Nm": reference, "plant.torque_Nm": torque},
-        {"torque_ref_Nm": "N m", "plant.torque_Nm": "N m"},
-        {"samples_per_period": 4},
-    )
-    found = steps.rises(rec)
+    found = steps.rises(stepped(answer, down_s))
     assert found["rise_up_ms"] == pytest.approx(0.8, rel=1e-3)
     assert found["rise_down_ms"] == pytest.approx(down_ms, rel=1e-3)
 

@@ -100,6 +100,13 @@ def test_the_printed_rated_point_is_limited_by_the_voltage(job, tmp_path):
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 50_000
 
 
+def xy_below_1_kHz_A(rec):
+    """Rms of the x-y current, as a mean over 1 ms shows it."""
+    n = round(rec.rate_Hz / 1000)
+    x, y = (np.convolve(rec[f"plant.i_{c}_A"], np.ones(n) / n, "valid") for c in "xy")
+    return np.sqrt(np.mean(x**2 + y**2))
+
+
 def test_schemes_exchanged_while_running(a9):
     """The test checks the recording itself: scheme, commands and x-y current before, between and
     after the changes."""
@@ -110,15 +117,8 @@ def test_schemes_exchanged_while_running(a9):
     assert len(np.unique(rec["scheme"][fdr])) == len(np.unique(rec["scheme"][~fdr])) == 1
     assert not rec["v_x_pu"][fdr].any() and not rec["v_y_pu"][fdr].any()
     assert rec["v_x_pu"][~fdr].std() > 1e-3
-    n = round(rec.rate_Hz / 1000)
-
-    def low_rms(begin, end):
-        part = rec.window(begin, end)
-        smooth = [np.convolve(part[c], np.ones(n) / n, "valid")
-                  for c in ("plant.i_x_A", "plant.i_y_A")]  # fmt: skip
-        return np.sqrt(np.mean(smooth[0] ** 2 + smooth[1] ** 2))
-
-    before, between, after = low_rms(0, off_s), low_rms(off_s, on_s), low_rms(on_s + 0.2, end_s)
+    spans_s = ((0, off_s), (off_s, on_s), (on_s + 0.2, end_s))
+    before, between, after = (xy_below_1_kHz_A(rec.window(*span_s)) for span_s in spans_s)
     assert between > 2.5 * before and between > 2.5 * after
     assert all(v.verdict == "match" for v in a9.verdicts)
 

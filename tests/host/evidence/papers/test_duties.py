@@ -1,5 +1,7 @@
 """A3 and A5 are compared with volt-seconds: on-times of the legs, and duties solved with numpy."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -41,19 +43,18 @@ def test_a3_on_times_give_the_commands(nine):
     np.testing.assert_allclose(gained, command, atol=1 / 15000)
 
 
+def from_the_middle_deg(k, x, y):
+    """Of the mean vector in alpha-beta, from the middle of sector k."""
+    angle = np.rad2deg(np.angle(exact_mean(k, TMVCL * (x + 1j * y))[0])) - 15 - 30 * k
+    return (angle + 180) % 360 - 180
+
+
 def test_a3_spread_in_alpha_beta(nine):
-    angle = [
-        np.rad2deg(np.angle(exact_mean(0, TMVCL * (x + 1j * y))[0])) - 15
-        for y in (1, 0, -1)
-        for x in (-1, 0, 1)
-    ]
+    angle = [from_the_middle_deg(0, x, y) for y in (1, 0, -1) for x in (-1, 0, 1)]
     np.testing.assert_allclose(nine.metrics["angle_deg"], angle, atol=0.01)
     assert min(angle) == pytest.approx(-14.177, abs=1e-3)
-    widest = max(
-        abs((np.rad2deg(np.angle(exact_mean(k, TMVCL * (x + 1j * y))[0])) - 15 - 30 * k + 180)
-            % 360 - 180)
-        for k in range(12) for x in (-1, 1) for y in (-1, 1)
-    )  # fmt: skip
+    corners = itertools.product(range(12), (-1, 1), (-1, 1))
+    widest = max(abs(from_the_middle_deg(k, x, y)) for k, x, y in corners)
     assert widest == pytest.approx(16.102, abs=1e-3)
     assert nine.metrics["angle_any_k_deg"] == pytest.approx(widest, abs=1e-3)
     assert not any(v.broken for v in nine.verdicts)

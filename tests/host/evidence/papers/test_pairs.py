@@ -43,6 +43,10 @@ def test_shares_without_xy_voltage(figure):
     assert mean["S"]["real"] == pytest.approx(
         share_s * SMALL + (1 - share_s) * MEDIUM, abs=1 / 400 * (MEDIUM - SMALL)
     )
+
+
+def test_half_of_each_vector_and_both_kinds_of_mean_have_one_ratio(figure):
+    mean = figure.metrics["mean"]
     assert mean["L"]["half"] == pytest.approx(0.55768, abs=1e-5)
     assert mean["S"]["half"] == pytest.approx(0.32197, abs=1e-5)
     # With both kinds of mean the ratio H_A : H_B is the same.

@@ -14,26 +14,29 @@ def a_t3(job):
     return parameters.a_t3(job)
 
 
+#: Everything that is measured has another value than paper A's drive.
+OTHER = {
+    "controller.scheme": "dtc1",
+    "machine.pole_pairs": 3,
+    "machine.drs_ohm": [0, 0.3, 0, 0.3, 0, 0.3],
+    "machine.rr_ohm": 1.5,
+    "machine.lls_H": 0.012,
+    "machine.lm_H": 0.2,
+    "machine.lxy_H": 0.006,
+    "inverter.dead_time_us": 3.0,
+    "inverter.vdc_V": 300.0,
+    "sensors.encoder_ppr": 1000,
+    "controller.torque_band_Nm": 0.8,
+    "controller.flux_band_Wb": 0.02,
+    "controller.kp_speed_Nms_rad": 0.3,
+    "controller.ki_speed_Nm_rad": 1.0,
+    "controller.f_slow_Hz": 200.0,
+}
+
+
 @pytest.fixture(scope="module")
 def other():
-    """Paper A's drive with a change of everything that is measured."""
-    setup = setups.load("paper-a").changed(
-        controller__scheme="dtc1",
-        machine__pole_pairs=3,
-        machine__drs_ohm=[0, 0.3, 0, 0.3, 0, 0.3],
-        machine__rr_ohm=1.5,
-        machine__lls_H=0.012,
-        machine__lm_H=0.2,
-        machine__lxy_H=0.006,
-        inverter__dead_time_us=3.0,
-        inverter__vdc_V=300.0,
-        sensors__encoder_ppr=1000,
-        controller__torque_band_Nm=0.8,
-        controller__flux_band_Wb=0.02,
-        controller__kp_speed_Nms_rad=0.3,
-        controller__ki_speed_Nm_rad=1.0,
-        controller__f_slow_Hz=200.0,
-    )
+    setup = setups.load("paper-a").changed(OTHER)
     return measured.watch(setup, 300.0, 1.0)
 
 

@@ -45,7 +45,7 @@ def test_checks_let_pass_what_their_bits_say(result):
 
 @pytest.mark.parametrize("rate", [1e-3, 0.05])
 def test_damage_is_as_stated(rate):
-    """Each kind as often as said; told apart in bytes that count upwards."""
+    """Together as often as said."""
     rng = np.random.default_rng(7)
     n = 400_000
     sent = np.zeros(n, np.uint8)
@@ -56,6 +56,11 @@ def test_damage_is_as_stated(rate):
     assert changed == pytest.approx(n * rate * (1 + 255 / 256), abs=6 * np.sqrt(2 * n * rate))
     one_bit = np.isin(arrived, [1 << k for k in range(8)]).sum()
     assert one_bit == pytest.approx(n * rate * (1 + 8 / 256), abs=6 * np.sqrt(n * rate))
+
+
+def test_each_damage_is_as_frequent_as_stated():
+    """Told apart in bytes that count upwards."""
+    rng, n = np.random.default_rng(7), 400_000
     up = (np.arange(n) % 251).astype(np.uint8)
     steps = np.diff(line.damage_bytes(up, 1e-3, rng).astype(int)) % 251
     assert np.count_nonzero(steps == 0) > 0.7e-3 * n  # doubled

@@ -31,8 +31,12 @@ def test_the_picture_is_drawn(result, tmp_path):
     assert lost_phase.plot(result, tmp_path / "lost-phase.png").stat().st_size > 10_000
 
 
-def test_the_whole_campaign_has_every_combination():
-    cases = lost_phase.cases(quick=False)
+@pytest.fixture(scope="module")
+def cases():
+    return lost_phase.cases(quick=False)
+
+
+def test_the_whole_campaign_has_every_combination(cases):
     losses = {(phase, kind) for phase in PHASES for kind in KINDS[1:]}
     for scheme in firmware.schemes():
         own = [case for case in cases["found"] if case.scheme == scheme]
@@ -41,11 +45,17 @@ def test_the_whole_campaign_has_every_combination():
         for scheme in firmware.schemes():
             own = [c for c in cases["goes on"] if (c.scheme, c.mode) == (scheme, mode)]
             assert {(case.phase, case.kind) for case in own} == losses
+
+
+def test_the_whole_campaign_has_healthy_drives_of_all_schemes_and_sensors(cases):
     healthy = cases["healthy"]
     assert len(healthy) >= 1000
     assert {(c.scheme, c.sensor) for c in healthy} == {
         (scheme, sensor) for scheme in firmware.schemes() for sensor in lost_phase.SENSORS
     }
+
+
+def test_the_whole_campaign_has_second_losses_that_can_be_borne(cases):
     seconds = [case for case in cases["goes on"] if case.second]
     assert len(seconds) > 50
     for case in seconds:

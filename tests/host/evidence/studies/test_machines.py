@@ -152,7 +152,7 @@ def row(way, ready, reason):
     }  # fmt: skip
 
 
-def test_too_few_are_a_failure(tmp_path):
+def test_too_few_are_a_failure():
     good = {"rows": [row(way, True, "") for way in machines.WAYS]}
     assert machines.failures(good) == []
     lost = {"rows": [*good["rows"], row("plate", True, "tripped")]}
@@ -168,6 +168,11 @@ def test_too_few_are_a_failure(tmp_path):
     assert machines.failures({"rows": [refused]}) == [
         "plate, as new writes it: 0 of 1, needed are 90 %"
     ]
+
+
+def test_the_tables_and_the_picture_have_every_way_and_scheme(tmp_path):
+    rows = [*(row(way, True, "") for way in machines.WAYS), row("plate", True, "tripped")]
+    lost = {"rows": rows}
     (_, _, driven), (_, _, said) = machines.grid(lost)
     assert len(driven) == len(machines.WAYS) * (len(firmware.schemes()) + 1)
     assert len(said) == len(firmware.schemes()) + 1
