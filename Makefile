@@ -165,6 +165,7 @@ test-targets: $(VENV)/.installed
 	$(call waiting,$(JOBS),target) || failed=1; \
 	$(BIN)/python -m hexatorque.boards.tools || failed=1; \
 	PYTHONPATH=tests $(BIN)/python tests/host/monitor/chromium.py || failed=1; \
+	command -v node >/dev/null || { echo "node not found: apt-get install nodejs"; failed=1; }; \
 	$(MAKE) check-c || failed=1; \
 	exit $$failed
 
@@ -198,12 +199,13 @@ dist: $(VENV)/.installed
 	@$(dist-tools)
 	$(BIN)/python tools/wheels.py
 
+# After `make dist`, WHEEL=made takes the wheel that it has made.
 windows = HT_WINDOWS=1 $(BIN)/python -m pytest -o cache_dir=build/pytest/windows tests/windows \
   $(if $(filter %-quick,$@),-k bits)
 test-windows test-windows-quick: $(VENV)/.installed
 	@$(dist-tools)
 	@command -v wine >/dev/null || tools/setup-wine.sh
-	$(BIN)/python tools/windows.py
+	$(BIN)/python tools/windows.py $(WHEEL)
 	$(windows) || $(windows) --last-failed --last-failed-no-failures none
 
 # A broken link is an error. Missing tools are installed first.

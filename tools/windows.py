@@ -1,6 +1,7 @@
 """Windows on this computer, in build/windows: its Python with the package, and the C tests for it.
 
     python tools/windows.py        needs wine and the extra `dist`
+    python tools/windows.py made   the wheel is in dist/ already: `make dist` has just made it
 
 The C tests run. The wheel in dist/ for Windows is installed as a user there would install it, with
 the libraries for Windows. `make test-windows` then runs tests/windows.
@@ -140,10 +141,13 @@ def fill_gaps() -> None:
     (PYTHON / "site" / "sitecustomize.py").write_text(WAKE_UP)
 
 
-def main() -> int:
+def main(words: list[str]) -> int:
+    if words not in ([], ["made"]):
+        raise SystemExit(f"windows: {' '.join(words)!r}: allowed is made, or nothing")
     if not shutil.which("wine"):
         raise SystemExit("windows: wine is missing: tools/setup-wine.sh")
-    run(sys.executable, ROOT / "tools" / "wheels.py", "windows")
+    if not words:
+        run(sys.executable, ROOT / "tools" / "wheels.py", "windows")
     PREFIX.mkdir(parents=True, exist_ok=True)
     make_zig()
     run_c_tests()
@@ -156,4 +160,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -107,6 +107,7 @@ def same_bits(answer, channels, plant):
         equal = (there.view(np.uint32) == here.view(np.uint32)) | (np.isnan(there) & np.isnan(here))
         assert equal.all(), np.argwhere(~equal)[:5]
     assert answer["violations"] == 0
+    print(f"{answer['time_s'] / answer['took_s']:.0f} x real time")
 
 
 IN_NODE = """
@@ -173,7 +174,6 @@ def test_bits_in_node(name, in_node):
     *expected, given = native(CASES[name])
     (answer,) = in_node(["/course", given])
     same_bits(answer["answer"], *expected)
-    print(f"{name}: {answer['answer']['time_s'] / answer['answer']['took_s']:.0f} x real time")
 
 
 @pytest.fixture(scope="module")

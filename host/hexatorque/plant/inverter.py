@@ -709,6 +709,8 @@ def _step_to_switching(inv, m, load, y, h, vdc, floats):
     if late <= 2.0 * LOCATED:
         return h
     early = beyond_link(inv.link, inv.link.x) - LOCATED
+    if early > 0.0:  # before the link's first step, or its source has jumped
+        return h
     link = np.bool_(True)
     return _locate(
         inv, m, load, y, h, vdc, floats, link, early, late - LOCATED, LOCATED, 0.5 * LOCATED

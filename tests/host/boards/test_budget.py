@@ -3,6 +3,7 @@
 import copy
 import json
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,22 @@ def test_positions_and_sets_that_decide_together_take_instructions(measured):
     smooth, clean = machine["placed"]
     assert smooth["mean"] > machine[budget.PLACING]["mean"] + 50
     assert clean["mean"] < smooth["mean"] and clean["max"] > smooth["max"] + 200
+
+
+def test_an_image_without_xcp_has_none_of_it(need):
+    """The drive alone has no function, no data and no text of XCP, and the image with XCP has."""
+    need("mps2-an386")
+    folder = tools.build(emulator_process.MACHINES["mps2-an386"], "count", "board")
+    found = {}
+    for image in ("count", "board"):
+        listed = subprocess.run(
+            ["arm-none-eabi-nm", folder / count.IMAGE.with_name(image)],
+            capture_output=True, text=True,
+        )  # fmt: skip
+        assert listed.returncode == 0, listed.stderr
+        found[image] = [line for line in listed.stdout.splitlines() if "xcp" in line.lower()]
+    assert found["count"] == []
+    assert len(found["board"]) > 20
 
 
 def test_counts_repeat(paper_a, tmp_path, need):

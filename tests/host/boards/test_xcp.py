@@ -38,7 +38,8 @@ def own_directory(tmp_path, monkeypatch):
 
 @pytest.fixture
 def serve():
-    """serve(name, *options): the process of `hexatorque board serve`, and what it said."""
+    """serve(name, *options): starts `hexatorque board serve`, and returns what it said.
+    serve.end() ends the latest one."""
     processes = []
 
     def begin(name, *options):
@@ -49,10 +50,15 @@ def serve():
         assert line, process.communicate()[1]
         return json.loads(line)
 
-    yield begin
-    for process in processes:
+    def end():
+        process = processes.pop()
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=WAIT_S)
+
+    begin.end = end
+    yield begin
+    while processes:
+        end()
 
 
 def tool(what, *where):
@@ -153,11 +159,16 @@ def test_a_port_in_use_is_told_in_one_line(serve):
 
 @pytest.mark.parametrize("layer", ["TCP", "UDP", "serial"])
 @pytest.mark.parametrize("name", NAMES)
-def test_pyxcp_reads_writes_and_is_refused_by_xcps_own_codes(serve, need, name, layer):
+def test_pyxcp_reads_writes_stores_and_is_refused_by_xcps_own_codes(serve, need, name, layer):
+    """A board with a store keeps page 0, and has it after a new start; one without refuses."""
     if name != "virtual":
         need(name)
-    said = serve(name)
+    stores = layer != "UDP"
+    options = ("--store", "own.store") if stores else ()
+    said = serve(name, *options)
     Path("addresses.json").write_text(json.dumps(CHANNELS | PARAMETERS))
+    with BoardDrive.open(said["port"], said["baud"]) as drive:
+        initial = drive.get("kp_speed_Nms_rad")
     found = tool("calibrate", *where(said, layer))
     assert name in found.pop("name")
     assert found == {
@@ -165,7 +176,13 @@ def test_pyxcp_reads_writes_and_is_refused_by_xcps_own_codes(serve, need, name, 
         "no whole number": "ERR_OUT_OF_RANGE", "a channel": "ERR_WRITE_PROTECTED",
         "no address": "ERR_ACCESS_DENIED", "read of no address": "ERR_ACCESS_DENIED",
         "still": 123.5, "vdc_V": 250.0, "kept": 0.0, "too much": "ERR_DAQ_CONFIG",
+        "store": "done" if stores else "ERR_GENERIC",
+        "stored": 0.75 if stores else pytest.approx(initial),
     }  # fmt: skip
+    if stores:
+        serve.end()
+        with BoardDrive.open(serve(name, *options)["port"], said["baud"]) as drive:
+            assert drive.get("kp_speed_Nms_rad") == 0.75
 
 
 def measured():
@@ -178,21 +195,30 @@ def measured():
     return np.round((times_us - times_us[0]) / 100).astype(int), values[:, order]
 
 
+#: Layer, event, its prescaler, and our stream's fast interrupts from sample to sample. These have
+#: no common divisor with those of the event.
+MEASURING = {"fast": ("TCP", 0, 3, 10), "slow": ("UDP", 1, 2, 7)}
+
+
+@pytest.mark.parametrize("event", MEASURING)
 @pytest.mark.parametrize("name", NAMES)
-def test_pyxcps_recording_equals_that_of_our_own_stream(serve, need, name):
+def test_pyxcps_recording_equals_that_of_our_own_stream(serve, need, name, event):
     """Both see the same fast interrupts of a drive that runs."""
     if name != "virtual":
         need(name)
-    said = serve(name, "--set", "sensors.i_noise_A=0.02")
-    asked_for = {**CHANNELS, "measured": MEASURED, "prescaler": 3}
+    layer, number, prescaler, decimation = MEASURING[event]
+    quick = ("--set", "controller.f_slow_Hz=1000")  # else the slow event takes 20 s
+    said = serve(name, "--set", "sensors.i_noise_A=0.02", *quick)
+    asked_for = {**CHANNELS, "measured": MEASURED, "prescaler": prescaler, "event": number}
     Path("addresses.json").write_text(json.dumps(asked_for))
     with BoardDrive.open(said["port"], said["baud"]) as drive:
         drive.set_many({**QUICK, "speed_ref_rpm": 200.0})
+        every = round(drive.get("f_isr_Hz") / drive.get("f_slow_Hz")) if event == "slow" else 1
         drive.start()
-        with drive.stream(MEASURED, decimation=10) as stream:
+        with drive.stream(MEASURED, decimation=decimation) as stream:
             pytest.importorskip("pyxcp")
             with subprocess.Popen(
-                [sys.executable, str(TOOL), "measure", *map(str, where(said, "TCP"))],
+                [sys.executable, str(TOOL), "measure", *map(str, where(said, layer))],
                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             ) as process:  # fmt: skip
                 blocks = []
@@ -207,7 +233,7 @@ def test_pyxcps_recording_equals_that_of_our_own_stream(serve, need, name):
     ours = np.concatenate([v for _, v in blocks]).astype(np.float32)
     since, theirs = measured()
     assert len(since) >= 1000
-    assert set(np.diff(since)) == {3}, "samples are missing"
+    assert set(np.diff(since)) == {every * prescaler}, "samples are missing"
 
     # Noise makes each sample another one: where one is equal, all at ticks of both must be.
     row_of = {row.tobytes(): k for k, row in enumerate(theirs)}
@@ -217,6 +243,17 @@ def test_pyxcps_recording_equals_that_of_our_own_stream(serve, need, name):
     assert len(offsets) == 1
     both = set((ticks - offsets.pop()).tolist()) & set(since.tolist())
     assert len(both) == len(equal) > 30
+
+
+def test_pyxcp_measures_on_the_serial_line_itself(serve):
+    """Where it has the line alone, no sample is missing, and they have noise."""
+    said = serve("virtual", "--set", "sensors.i_noise_A=0.02")
+    asked_for = {**CHANNELS, "measured": MEASURED, "prescaler": 5}
+    Path("addresses.json").write_text(json.dumps(asked_for))
+    tool("measure", *where(said, "serial"))
+    since, theirs = measured()
+    assert len(since) >= 1000 and set(np.diff(since)) == {5}
+    assert len({row.tobytes() for row in theirs}) > 50
 
 
 # --- the description ------------------------------------------------------------------------

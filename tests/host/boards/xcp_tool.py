@@ -36,6 +36,7 @@ c.Transport.SxI.tail_format = "CHECKSUM_WORD"
 """
 #: Otherwise pyXCP repeats a refused command for ever. On a serial port it takes at most 9 s.
 BOTH = "c.General.disable_error_handling = True\nc.Transport.timeout = 9.0\n"
+STORE_CAL = 1
 #: An emulated board may be slower than the clock.
 SAMPLES, LONGEST_S = 1000, 60.0
 
@@ -74,8 +75,12 @@ def calibrate(x, at):
     found["read of no address"] = refused(x.shortUpload, 4, 0x9000)
     found["still"] = get(at["speed_ref_rpm"])
     found["vdc_V"] = get(at["vdc_V"])
+    put(at["kp_speed_Nms_rad"], 0.75)
     x.setCalPage(0x02, 0, 1)
     found["kept"] = get(at["speed_ref_rpm"])
+    found["store"] = refused(x.setRequest, STORE_CAL, 0)  # it writes before it answers
+    x.setCalPage(0x02, 0, 1)  # the page is read when it is chosen
+    found["stored"] = get(at["kp_speed_Nms_rad"])
     x.setCalPage(0x83, 0, 0)
     return found
 
@@ -103,10 +108,10 @@ def main():
     Path("pyxcp_conf.py").write_text((ETH if layer == "eth" else SXI).format(*where) + BOTH)
     sys.argv[1:] = ["-c", "pyxcp_conf.py"]
     names = at.pop("measured", [])
-    prescaler = at.pop("prescaler", 1)
+    prescaler, event = at.pop("prescaler", 1), at.pop("event", 0)
     lists = [
         DaqList(
-            name="measured", event_num=0, stim=False, enable_timestamps=True,
+            name="measured", event_num=event, stim=False, enable_timestamps=True,
             measurements=[(name, at[name], 0, "F32") for name in names], priority=0,
             prescaler=prescaler,
         )

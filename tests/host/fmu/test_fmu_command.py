@@ -1,6 +1,8 @@
 """`hexatorque fmu`: the page's commands, what is in the file, and mistakes in one line."""
 
 import ctypes
+import itertools
+import os
 import re
 import shlex
 import struct
@@ -20,6 +22,8 @@ from hexatorque.fmu import controller
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "fmu.md").read_text()
+#: Set where `make dist` has compiled each system's C library already.
+ALL_SYSTEMS = "HT_ALL_SYSTEMS" in os.environ
 needs_zig = pytest.mark.skipif(not shared_objects.HAS_ZIG, reason="pip install 'hexatorque[fmu]'")
 
 
@@ -75,7 +79,7 @@ def test_without_any_compiler_one_line_says_what_to_install(capsys, monkeypatch)
     assert len(said) == 1 and "pip install 'hexatorque[fmu]'" in said[0]
 
 
-@pytest.mark.parametrize("kind, version", (("controller", 2), ("drive", 2), ("drive", 3)))
+@pytest.mark.parametrize("kind, version", [*itertools.product(("controller", "drive"), (2, 3))])
 def test_its_sources_alone_make_the_binary(kind, version, folder):
     """A tool compiles what the description lists, in one folder, and nothing else. The last option
     saves time; that the optimised code has the right bits is for the tests of the FMUs."""
@@ -143,7 +147,7 @@ BEGINNINGS = {
 }
 
 
-@pytest.mark.skipif(not WHOLE, reason="takes minutes: HT_WHOLE=1 runs it")
+@pytest.mark.skipif(not (WHOLE or ALL_SYSTEMS), reason="takes minutes: HT_ALL_SYSTEMS=1 runs it")
 @needs_zig
 @pytest.mark.parametrize("version", (2, 3))
 def test_with_the_extra_there_are_binaries_for_other_systems(version, folder, monkeypatch):

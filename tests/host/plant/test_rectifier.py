@@ -19,6 +19,7 @@ from hexatorque.plant.link import (
     charge,
 )  # fmt: skip
 from hexatorque.plant.machines.induction import Parameters, make
+from hexatorque.plant.vsd import PHASES
 
 MEAN_V = 540.0
 HZ = 50.0
@@ -307,3 +308,25 @@ def test_a_mistake_about_the_line_is_told_in_one_line(what):
 def test_a_relay_that_would_never_close_is_told(level_V, told):
     with pytest.raises(SetupError, match=told):
         drive(**{"inverter.precharge_ohm": 47.0, "controller.precharge_V": level_V})
+
+
+def test_a_machine_that_turns_charges_a_link_whose_line_has_not_conducted_yet():
+    """At the first step the line's voltage is above the link's, and the machine's diodes conduct,
+    too. What the link gains is no more than the largest currents into it could bring."""
+    setup = load("magnet-surface").changed(
+        {
+            "inverter.link_F": 1e-3,
+            "inverter.source_H": 2e-3,
+            "inverter.source_ohm": 0.5,
+            "inverter.line_Hz": 50.0,
+            "inverter.precharge_ohm": 10.0,
+            "controller.precharge_V": 40.0,
+        }
+    )
+    sim = SimulatedDrive(setup)
+    sim.plant_state[6] = -40.0
+    sim.run(5e-4)
+    found = sim.take()
+    phases_A = sum(np.abs(found[f"plant.i_{phase}_A"]) for phase in PHASES)
+    most_A = np.abs(found["plant.line_A"]).max() + 0.5 * phases_A.max()
+    assert 1.0 < sim.link_V < most_A * 5e-4 / setup["inverter.link_F"]

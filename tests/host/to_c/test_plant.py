@@ -3,12 +3,14 @@ effect. Every line of the C runs in these courses, but those after a failure."""
 
 import ctypes
 import gzip
+import itertools
 import json
 import shutil
 import subprocess
 import zlib
 from functools import partial
 
+import drawn_setups
 import numpy as np
 import pytest
 
@@ -20,6 +22,7 @@ from hexatorque.plant import elementary
 from hexatorque.plant.compiled import compiled
 from hexatorque.plant.gates import GATES, gates_record, suppress_short_pulses
 from hexatorque.plant.link import V
+from hexatorque.plant.machines import DISPLACEMENTS_DEG, MODELS
 from hexatorque.plant.pwm import PWM, PWM_MAP, pwm_record, pwm_segment
 from hexatorque.to_c import library, plant
 from hexatorque.to_c.translator import Translator
@@ -252,16 +255,16 @@ def counting(files, folder):
     return library.build(files, folder, compiler, "-O0", "--coverage", "dump.c")
 
 
-def result(name, changes, course, run_periods):
-    """Sums over all bits that a course leaves."""
+def result(setup, course, run_periods):
+    """Sums over all bits that a course leaves, and what it returns."""
     found = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(hardware, "run_periods", run_periods)
-        sim = SimulatedDrive(load(name).changed(SHORT | changes))
-        if changes.get("sensors.encoder_wires"):  # a frozen sensor beside it
+        sim = SimulatedDrive(setup)
+        if setup["sensors.encoder_wires"] != "straight":  # a frozen sensor beside it
             sim.sensors.hold[6:] = 1
         sim.log_edges(100_000)
-        course(sim)
+        found["course"] = course(sim)
         recording = sim.take()
         for channel in recording.channels:
             found[channel] = zlib.crc32(np.ascontiguousarray(recording[channel]).tobytes())
@@ -295,11 +298,12 @@ def test_every_sample_edge_and_state_has_the_bits_of_the_compiled_python(tmp_pat
     for kind, courses in COURSES.items():
         made = None
         for what, (name, changes, course) in courses.items():
-            wanted, sim = result(name, changes, course, numba)
+            setup = load(name).changed(SHORT | changes)
+            wanted, sim = result(setup, course, numba)
             if made is None:
                 (tmp_path / kind).mkdir()
                 made = counting(plant.translate(sim._machine.dtype), tmp_path / kind)
-            got, _ = result(name, changes, course, made.run_periods)
+            got, _ = result(setup, course, made.run_periods)
             assert got == wanted, f"{kind}, {what}"
         for line, done in ran(tmp_path / kind, made).items():
             lines[line] = lines.get(line, False) or done
@@ -307,6 +311,48 @@ def test_every_sample_edge_and_state_has_the_bits_of_the_compiled_python(tmp_pat
     missed = {row for row, done in lines.items() if not done and row[0] not in elsewhere}
     assert sorted(missed - NEVER_RUN) == []
     assert missed == NEVER_RUN
+
+
+#: So many that each effect is on and off beside each other one.
+DRAWN_CASES, DRAWN_PERIODS = 160, 350
+#: But not these: one of them needs the other.
+NEED_EACH_OTHER = {
+    frozenset((f"inverter.{needs}", f"inverter.{needed}"))
+    for needs, needed in (
+        *itertools.product(("line_Hz", "precharge_ohm", "chopper_ohm"), ("link_F",)),
+        *itertools.product(("e_on_mJ", "e_off_mJ"), ("e_ref_V", "e_ref_A")),
+        ("line_Hz", "source_H"),
+    )
+}
+
+
+def test_drawn_set_ups_and_faults_have_the_bits_of_the_compiled_python(tmp_path):
+    """Each effect on and off beside each other one, every scheme, every winding of both kinds of
+    machine, and every event."""
+    numba = hardware.run_periods
+    rng = np.random.default_rng(1)
+    made, cases, seen, machines = {}, [], set(), set()
+    for seed in range(DRAWN_CASES):
+        setup, on = drawn_setups.drawn(rng)
+        course = partial(drawn_setups.course, seed=seed, periods=DRAWN_PERIODS)
+        wanted, sim = result(setup, course, numba)
+        kind = sim._machine.dtype
+        if kind not in made:
+            folder = tmp_path / str(len(made))
+            folder.mkdir()
+            made[kind] = library.build(plant.translate(kind), folder, "cc", "-O1")
+        got, _ = result(setup, course, made[kind].run_periods)
+        assert got == wanted, f"case {seed}: {setup.name}, {sorted(on)}, {wanted['course']}"
+        cases.append((set(setup), on))
+        seen.update(wanted["course"], [setup["controller.scheme"]])
+        machines.add((setup["machine.model"], setup["machine.displacement_deg"]))
+    assert seen >= {"run", "fault", "short circuit", *firmware.parameters()["scheme"].choices}
+    assert seen >= {event.__name__ for event in drawn_setups.EVENTS}
+    assert len(machines) == len(MODELS) * len(DISPLACEMENTS_DEG) and len(made) == len(COURSES)
+    for a, b in itertools.permutations(drawn_setups.EFFECTS, 2):
+        found = {(a in on, b in on) for paths, on in cases if {a, b} <= paths}
+        both = frozenset((a, b)) in NEED_EACH_OTHER
+        assert not found or both or found >= {(True, False), (True, True), (False, False)}, (a, b)
 
 
 PERIOD = 60
