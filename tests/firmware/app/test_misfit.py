@@ -178,7 +178,7 @@ CASES = {
     ),
     "FLUX_BRAKE": (
         {**MAGNET, "flux_brake_share": 0.3, "vdc_high_V": 350.0},
-        "flux_brake_share = 0.3, machine = magnet: with magnets it must be 0: the losses of a raised",
+        "flux_brake_share = 0.3, machine = magnet: with magnets it must be 0",
     ),
     "FLUX_BRAKE_LEVEL": (
         {"flux_brake_share": 0.3},
