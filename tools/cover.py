@@ -123,7 +123,7 @@ def exported(found: Tools) -> list[dict[str, Any]]:
 
 
 def lines_missed(found: Tools) -> dict[str, list[int]]:
-    """By file."""
+    """The missed lines by file."""
     missed: dict[str, list[int]] = {}
     name = ""
     for row in told(found, "-format=lcov").splitlines():

@@ -85,7 +85,7 @@ class Plugin:
         return {"code": os.waitstatus_to_exitcode(ended[1]), **answer}
 
     def run(self, items: list[Any], request: dict[str, Any], there: int) -> None:
-        """In the copy."""
+        """Run tests in the copy of the process."""
         resource.setrlimit(resource.RLIMIT_CPU, (self.limit_s, self.limit_s + 5))
         seconds: dict[str, float] = defaultdict(float)
         try:

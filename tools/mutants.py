@@ -142,7 +142,7 @@ def drawn(
 
 
 def digest(*names: str) -> str:
-    """Of the files and of all in the folders."""
+    """Check sum of the files and of all files in the folders."""
     all_of = hashlib.sha256()
     for name in names:
         path = ROOT / name

@@ -278,7 +278,7 @@ def without_texts(wasm: bytes, moved: bytes) -> bytes:
 
 
 def data_of(wasm: bytes) -> tuple[int, int, int]:
-    """Of the module's one segment of data: its address, where it begins and ends in the file."""
+    """Address of the module's one segment of data, and its begin and end in the file."""
 
     def number(at: int) -> tuple[int, int]:
         value = shift = 0

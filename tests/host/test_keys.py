@@ -327,6 +327,23 @@ def test_a_drive_follows_nothing_but_a_profile(other):
 RECORDED = hexatorque.Recording(10.0, {"a_A": np.arange(20.0), "b_V": np.ones(20)}, {"a_A": "A"})
 
 
+@pytest.mark.parametrize(
+    ("used", "line"),
+    [
+        (lambda: hexatorque.load(" "), "setup = ' ': the name or the file of a set-up is needed"),
+        (lambda: RECORDED.save(None), "file = None: the name of a file is needed"),
+        (lambda: hexatorque.Recording.load(3), "file = 3: the name of a file is needed"),
+        (lambda: RECORDED.plot("a", file=3), "file = 3: the name of a file is needed"),
+        (lambda: hexatorque.SimulatedDrive(PAPER_B, controller=3), "controller = 3: a Law is"),
+        (lambda: hexatorque.BoardDrive("/dev/ttyUSB0"), "BoardDrive.open(PORT) connects to a"),
+    ],
+)
+def test_a_wrong_kind_of_value_is_one_line(used, line):
+    with pytest.raises(InputError) as told:
+        used()
+    assert line in str(told.value)
+
+
 @pytest.mark.parametrize("name", [["a_A", "b_V"], {"a_A": 1}, None, 3])
 @pytest.mark.parametrize("use", ["__getitem__", "plot", "to_pandas"])
 def test_a_channel_s_name_is_text(name, use):

@@ -47,7 +47,7 @@ class _File:
 class OwnRecording:
     """path: the file; paths: it, and one more each time that f_isr_Hz has changed, because a file
     has one rate. They are finished at the end: a board must not stand still meanwhile. tell: is
-    called with what the user should know at once. failed: why it could not be written on."""
+    called with messages for the user. failed: why it could not be written on."""
 
     def __init__(
         self, sim: SimulatedDrive, path: Path, tell: Callable[[str], None] = lambda _: None
@@ -69,8 +69,8 @@ class OwnRecording:
         return [one.writer.path for one in self._files]
 
     def keep(self) -> None:
-        """Write what has come, if it is enough, or if the next run would delete it: its rate is
-        another one."""
+        """Write the samples so far, if they are enough, or if the next run would delete it: its
+        rate is another one."""
         enough = self._sim.time_s - self._kept_s >= PART_S
         if not self.failed and (enough or self._sim.timers_written):
             self._keep()

@@ -22,7 +22,7 @@ VARIABLE = "_HEXATORQUE_COMPLETE"
 
 
 def starting(names: Iterable[str], begun: str, before: str = "") -> list[str]:
-    """`names` that begin with `begun`, as the shell wants them: with what stands `before`."""
+    """`names` that begin with `begun`, as the shell wants them: with the text `before` them."""
     return [before + name for name in names if name.startswith(begun)]
 
 

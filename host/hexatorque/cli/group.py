@@ -1,4 +1,4 @@
-"""A group of commands, and what it says to a name that it does not have."""
+"""A group of commands, and its answer to an unknown name."""
 
 from __future__ import annotations
 

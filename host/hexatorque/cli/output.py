@@ -38,7 +38,7 @@ def print_failure(console: Console, text: str, what: str = "failed") -> None:
 
 
 def complain(text: str) -> None:
-    """On standard error; a line for each mistake."""
+    """Print an error on standard error, a line for each mistake."""
     for line in text.splitlines():
         print(f"hexatorque: {line}", file=sys.stderr)
 

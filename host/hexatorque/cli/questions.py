@@ -97,10 +97,10 @@ def ask(title: str) -> str:
                     make(_list(told), title)
             return make(_list(told), title)
         except ThreePhase as error:
-            click.echo(f"{error}\nOnce more, for the rewound machine; Enter takes these values.")
+            click.echo(f"{error}\nAnswer again, for the rewound machine; Enter takes these values.")
             before = before | told | error.rewound
         except SetupError as error:
-            click.echo(f"{error}\nOnce more; Enter keeps what you said.")
+            click.echo(f"{error}\nAnswer again; Enter keeps your answer.")
             before = before | told
 
 

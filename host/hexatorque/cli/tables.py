@@ -1,4 +1,4 @@
-"""The command that lists what there is: `setups`, and the schemes among them."""
+"""The command `setups`, which lists set-ups and schemes."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _schemes(as_json) -> int:
         table.add_row(name, text)
     console.print(table)
     table = Table(title="options of every scheme", title_justify="left")
-    for heading in ("key", "choices", "what it decides"):
+    for heading in ("key", "choices", "effect"):
         table.add_column(heading)
     for key, row in OPTIONS.items():
         table.add_row(key, row["choices"], row["help"])

@@ -33,7 +33,7 @@ class Work:
         self.changed = threading.Event()
 
     def begin(self, text: str, total: float | None = None, unit: str = SIMULATED) -> None:
-        """total: what `advance` adds up to, if that is known."""
+        """total: the sum of all calls of `advance`, if that is known."""
         with self._lock:
             self._text, self._done, self._total, self._unit = text, 0.0, total, unit
         self.changed.set()
@@ -75,7 +75,7 @@ def working(
     console: Console, text: str, total: float | None = None, unit: str = SIMULATED
 ) -> Iterator[Work]:
     """A line that is kept up to date while this block runs, on a terminal. Elsewhere plain lines on
-    standard error, of what takes some seconds. Beside JSON that is no terminal: nothing."""
+    standard error, for work that takes some seconds. Beside JSON that is no terminal: nothing."""
     with ExitStack() as shown:
         work = Work(shown.enter_context(_bar(console)) if console.is_terminal else None)
         work.begin(text, total, unit)

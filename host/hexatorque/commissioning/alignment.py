@@ -124,7 +124,7 @@ class _Hold:
             self.test.wait(self.step_s)
 
     def turn(self, from_deg: float, to_deg: float) -> None:
-        """In steps; then until the shaft rests."""
+        """Turn the field in steps, then wait until the shaft rests."""
         steps = math.ceil(abs(to_deg - from_deg) / STEP_DEG)
         for k in range(1, steps + 1):
             self._point(from_deg + k / steps * (to_deg - from_deg))

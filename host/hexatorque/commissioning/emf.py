@@ -87,7 +87,7 @@ class Machine:
 
 @dataclass(frozen=True)
 class Reading:
-    """Of one capture."""
+    """The result of one capture."""
 
     omega_rad_s: float
     corner_rad_s: float
@@ -157,7 +157,7 @@ def _read(
 def reading(
     table: np.ndarray, dt_s: float, machine: Machine, corner_rad_s: float, believed_Wb: float
 ) -> Reading:
-    """From samples in every period, columns as CHANNELS."""
+    """Evaluate samples of every period, columns as CHANNELS."""
     i = table[:, :6] @ machine.winding.transform.T
     i_ab, i_xy = i[:, 0] + 1j * i[:, 1], i[:, 2] + 1j * i[:, 3]
     r = table[:, 6] + 1j * table[:, 7] - machine.lq_H * i_ab

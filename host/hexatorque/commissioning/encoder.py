@@ -107,8 +107,8 @@ def decide(
         )
     if not right[0] < size < right[1]:
         mistakes.append(
-            f"encoder: counts {size:.2f} times what encoder_counts_rev = {counts:g} and pole_pairs "
-            f"= {pole_pairs:g} give: {_nearest(counts * size):g} counts, or "
+            f"encoder: counts {size:.2f} times the number by encoder_counts_rev = {counts:g} and "
+            f"pole_pairs = {pole_pairs:g}: {_nearest(counts * size):g} counts, or "
             f"{_nearest(pole_pairs / size):g} pole pairs, would fit"
         )
     return mistakes

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..drive.interface import DriveFault, DriveVerbs
 from ..errors import HexatorqueError
-from ..firmware import FAULT, TEST
+from ..firmware import FAULT, FAULTS, TEST, lib
 from ..plant.vsd import INVERSE, PHASES, TRANSFORM, transform
 from ..recording.recording import FIRST_TICK, Recording
 
@@ -30,6 +30,8 @@ LONGEST_S = 600.0
 STAND_STILL_S = 30.0
 #: And this much longer than it takes for the calibration of the current sensors.
 CALIBRATED_S = 10.0
+#: Faults that mean something else in a test.
+OVERCURRENT, OVERSPEED = FAULTS[lib.HT_FAULT_OVERCURRENT], FAULTS[lib.HT_FAULT_OVERSPEED]
 #: Parameters that a test changes, and that get their values back.
 BORROWED = (
     "start_mode", "test_wave", "test_Hz", "test_alpha_V", "test_beta_V", "test_x_V", "test_y_V",
@@ -170,9 +172,9 @@ class Excitation:
                     )
                 self.drive.check()
                 raise CommissioningError("somebody has stopped the drive")
-            if "over-speed" in causes:
+            if OVERSPEED in causes:
                 raise CommissioningError(
-                    f"over-speed: by its encoder the shaft has turned by more than "
+                    f"{OVERSPEED}: by its encoder the shaft has turned by more than "
                     f"{self.travel_rev:g} revolutions in a test. Nothing may drive it, friction or "
                     "a brake must hold it, and the encoder must not count too much; --travel "
                     "allows more"
@@ -226,7 +228,7 @@ class Excitation:
             if drive.state == FAULT:
                 break
         causes, saved = drive.faults, drive.snapshot
-        if causes != ["over-current"] or saved is None:
+        if causes != [OVERCURRENT] or saved is None:
             self._check()
             raise CommissioningError(
                 "no current flows where a direct current should hold the shaft"

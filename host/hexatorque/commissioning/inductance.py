@@ -73,7 +73,7 @@ def measure(
 
 @dataclass(frozen=True)
 class Salient:
-    """Of a machine whose rotor has magnets."""
+    """The inductances of a machine whose rotor has magnets."""
 
     ld_H: Value
     lq_H: Value
@@ -97,7 +97,7 @@ class Salient:
 def measure_magnets(
     test: Excitation, resistance: Resistance, per_H: tuple[float, float], xy_per_H: float
 ) -> Salient:
-    """Of a rotor that stands along alpha, where direct current has pulled it. `per_H`: the least
+    """Measure with the rotor along alpha, where direct current has pulled it. `per_H`: the least
     and the largest conductance in alpha-beta, `xy_per_H`: 1/L_xy, roughly, from the wiring check.
 
     A wave along alpha makes a current along beta as well if the rotor stands beside alpha by t:

@@ -44,7 +44,7 @@ def plan(drive: DriveVerbs, limits: Limits, step: str, turns_rev: float) -> Plan
             "Direct currents in the x-y plane, which make no torque, or little with magnets, in "
             "three sizes and twelve directions"
             + ("." if magnets else "; then larger ones for each phase."),
-            f"what these currents need, {most_V}",
+            f"the voltage that these currents need, {most_V}",
             f"up to {(resistance.MOST + resistance.BRAKE) * limit_A:.3g} A on a leg" + trip,
             still,
         ),
@@ -59,7 +59,7 @@ def plan(drive: DriveVerbs, limits: Limits, step: str, turns_rev: float) -> Plan
         "alignment": Plan(
             "A direct current pulls the magnets to a quarter of an electrical turn beside alpha, "
             "then to alpha; from there it turns forwards and back.",
-            "what the current needs at standstill",
+            "the voltage that the current needs at standstill",
             f"{alignment.AIM * limit_A:.3g} A" + trip + "; each reading of the encoder's count is "
             "such a trip, and the board's log has it",
             "TURNS at once by up to half an electrical turn, swings, then turns slowly by "
@@ -69,13 +69,13 @@ def plan(drive: DriveVerbs, limits: Limits, step: str, turns_rev: float) -> Plan
         "magnets": Plan(
             "The drive aligns the rotor as its parameters say, and RUNS without load, with a "
             "current against the magnets.",
-            "what the drive needs",
+            "the voltage that the drive needs",
             below,
             f"TURNS at up to {speed_rpm:.0f} r/min; nothing may be coupled that takes torque",
         ),
         "encoder": Plan(
             f"A field turns {turns_rev:g} times, and as often again if the shaft follows slowly.",
-            "what the current needs at standstill",
+            "the voltage that the current needs at standstill",
             f"{encoder.AIM * limit_A:.3g} A" + trip,
             f"TURNS with the field, {60 * encoder.FIELD_HZ / pole_pairs:.3g} r/min by pole_pairs, "
             "and is braked at the end",
@@ -83,20 +83,20 @@ def plan(drive: DriveVerbs, limits: Limits, step: str, turns_rev: float) -> Plan
         "rotor": Plan(
             "A step of direct voltage along one axis; the current follows as the rotor's flux "
             "does.",
-            "what the currents need at standstill",
+            "the voltage that the currents need at standstill",
             f"up to {rotor.MOST * (1 + rotor.BIAS) * limit_A:.3g} A on a leg" + trip,
             still,
         ),
         "magnetisation": Plan(
             f"The drive RUNS without load, at five fluxes from {running.FLUXES[0] * flux_Wb:.3g} "
             f"to {max(running.FLUXES) * flux_Wb:.3g} Wb.",
-            "what the drive needs",
+            "the voltage that the drive needs",
             below,
             f"TURNS at {speed_rpm:.0f} r/min; nothing may be coupled that takes torque",
         ),
         "mechanics": Plan(
             "The drive ACCELERATES, brakes, accelerates again, and coasts with the gates off.",
-            "what the drive needs",
+            "the voltage that the drive needs",
             below,
             f"TURNS at up to {speed_rpm:.0f} r/min, several times; coasts for {running.COAST_S:g} "
             f"s, and {running.LONG_COAST_S:g} s more if friction is small",

@@ -46,7 +46,7 @@ def mean(values: list[Value]) -> Value:
 
 
 def linear(columns: list[np.ndarray], target: np.ndarray) -> tuple[list[Value], np.ndarray]:
-    """The factors of the columns whose sum comes nearest to the target, and what is left."""
+    """The factors of the columns whose sum comes nearest to the target, and the residual."""
     a = np.column_stack(columns)
     size = np.maximum(np.sqrt((a * a).mean(0)), 1e-300)
     factors, *_ = np.linalg.lstsq(a / size, target, rcond=None)

@@ -1,5 +1,5 @@
-"""Step b: the stator's resistance of each phase, and what dead time and devices take of a leg's
-voltage, by direct current.
+"""Step b: the stator's resistance of each phase, and a leg's voltage loss to dead time and devices,
+by direct current.
 
 The current flows in the x-y plane, which has no rotor: no torque, no flux to wait for. A leg gives
 its commanded voltage less `D s(i) + R i`: dead time and the devices' thresholds take D against the
@@ -202,7 +202,7 @@ def _means(
 
 
 def _about(mean: Value, values: list[Value]) -> tuple[Value, ...]:
-    """The values moved by the same amount, so that this is their mean."""
+    """The values, all shifted by the same amount so that `mean` is their mean."""
     shift = mean.value - float(np.mean([v.value for v in values]))
     return tuple(Value(v.value + shift, v.uncertainty) for v in values)
 

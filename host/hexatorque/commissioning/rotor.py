@@ -1,9 +1,8 @@
 """Step d at standstill: R_r and L_m, by a step of the direct voltage along one axis.
 
-A voltage along one axis of alpha-beta makes no torque. After the step the current first jumps by
-what stator and rotor resistance together let through, then goes on, while the rotor's flux follows,
-to what the stator's resistance alone lets through. The jump tells R_r, the time L_m. A model of the
-machine at rest is fitted to the whole curve:
+A voltage along one axis of alpha-beta makes no torque. After a step by V the current first jumps
+by V/(R_s + R_r), then goes on, while the rotor's flux follows, to a change of V/R_s. The jump tells
+R_r, the time L_m. A model of the machine at rest is fitted to the whole curve:
 
     v = R_s i + sigma L_s di/dt + d psi/dt,   d psi/dt = R (i - psi/M)
 
@@ -97,7 +96,7 @@ def solve(
     sigma_H: float,
     guess: tuple[float, float],
 ) -> Rotor:
-    """From the currents after a step down by `down_V` of a machine in its steady state. `first`:
+    """Fit the currents after a step down by `down_V` of a machine in its steady state. `first`:
     the current along alpha in it, and the mean of how many samples this is."""
     i = step.i_vsd_A[:, 0]
     v = np.where(step.v_V[:, 0] == 0, 0.0, -down_V)  # no command yet: the voltage from before

@@ -411,7 +411,7 @@ def solve(
 
 
 def _sampled(torques_Nm: list[np.ndarray]) -> float:
-    """Two standard deviations, share, of what the inertia is off because every so many periods are
+    """Two standard deviations, as a share, of the inertia's error because every so many periods are
     sampled: by the mean torques' difference. A mean of n samples of a ripple s is off by s/sqrt(n).
     The ripple shows in the differences of samples, which the slow torque hardly adds to."""
     variance = sum(np.mean(np.diff(one) ** 2) / 2 / len(one) for one in torques_Nm)
@@ -420,8 +420,8 @@ def _sampled(torques_Nm: list[np.ndarray]) -> float:
 
 
 def friction(coasting: np.ndarray) -> tuple[Value, Value, Value]:
-    """Dry friction, viscous friction and a fan's load over J, none of them negative. A fan is
-    there only if it explains much of what the other two leave: over a small range of speeds the
+    """Dry friction, viscous friction and a fan's load over J, none of them negative. A fan is there
+    only if it explains much of the residual of the other two: over a small range of speeds the
     three look alike."""
     w, _, gone_s, angle, square = coasting.T
     dry, viscous, rest = _dry_and_viscous(w, gone_s, angle)
@@ -443,10 +443,10 @@ def friction(coasting: np.ndarray) -> tuple[Value, Value, Value]:
 def _dry_and_viscous(
     w: np.ndarray, gone_s: np.ndarray, angle: np.ndarray
 ) -> tuple[Value, Value, np.ndarray]:
-    """Both over J, and what their fit leaves. At a speed that hardly changes both look the same,
-    and their fit may be a difference of two large numbers. But friction is never negative: if one
-    of them were, the one that fits better takes all of it, and the other one has at most what it
-    would take alone."""
+    """Both over J, and the residual of their fit. At a speed that hardly changes both look the
+    same, and their fit may be a difference of two large numbers. But friction is never negative: if
+    one of them were, the one that fits better takes all of it, and the other one has at most what
+    it would take alone."""
     columns, ones = (-gone_s, -angle), np.ones(len(w))
     (*both, _), rest = linear([*columns, ones], w)
     if min(value.value for value in both) >= 0:

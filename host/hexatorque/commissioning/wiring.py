@@ -1,6 +1,6 @@
 """Step a: which wire goes where. Every mistake found is a line that names it.
 
-Each leg in turn gets a short square wave of voltage. What every current channel answers makes a
+Each leg in turn gets a short square wave of voltage. The responses of the current channels make a
 matrix: channel by leg. A machine has two conductances for such a wave, of the alpha-beta plane and
 of the x-y plane. For each of the 720 orders of the six leads they are fitted to the matrix.
 
@@ -8,8 +8,8 @@ If an order explains the matrix, the sensors are right, and it is the order of t
 does, a sensor is wrong: a channel then measures the leg at which it answers most, and the answer's
 sign is the sensor's.
 
-A leg that drives no current, or one way only, changes what all channels answer, so that nothing
-else can be told from them: it alone is named.
+A leg that drives no current, or one way only, changes the response of every channel, so that
+nothing else can be concluded: only this leg is named.
 
 Exchanging the two planes is an order of the leads as well, and looks the same with the planes'
 conductances exchanged. Two things tell them apart. The alpha-beta plane, with the rotor's leakage
@@ -144,7 +144,7 @@ def decide(response: np.ndarray, parts: list[np.ndarray] = _SHAPES) -> Wiring:
     if fits.unexplained.min() < UNEXPLAINED:
         return _leads(response, fits, mistakes)
     mistakes.append(
-        "the currents fit no order of leads and sensors: mend what is named, or check each "
+        "the currents fit no order of leads and sensors: correct the named mistakes, or check each "
         "lead and sensor, and try again"
     )
     return Wiring(tuple(mistakes), response)
@@ -181,7 +181,7 @@ def _other_planes(response: np.ndarray, parts: list[np.ndarray]) -> np.ndarray:
 
 
 def exchanged(test: Excitation, found: Wiring) -> bool:
-    """Whether what should be the x-y plane shows more resistance than the alpha-beta plane."""
+    """Whether the supposed x-y plane shows more resistance than the alpha-beta plane."""
     alpha, x = (
         _resistance(test, axis, per_H) for axis, per_H in ((0, found.ab_per_H), (2, found.xy_per_H))
     )
@@ -304,7 +304,7 @@ def one_way(waves: list[Samples], response: np.ndarray) -> list[str]:
 
 def _first(mistakes: list[str]) -> list[str]:
     if mistakes:
-        mistakes[-1] += "; what else may be wrong is seen when this is mended"
+        mistakes[-1] += "; further mistakes show only when this one is corrected"
     return mistakes
 
 
@@ -331,8 +331,8 @@ def sensors(response: np.ndarray) -> tuple[list[str], np.ndarray, np.ndarray]:
             mistakes.append(f"current sensor {name}: has the wrong sign")
         if abs(abs(scale[channel]) - 1) > GAIN:
             mistakes.append(
-                f"current sensor {name}: reads {abs(scale[channel]):.2f} times what the others "
-                "read: another range, or a phase of another inductance"
+                f"current sensor {name}: reads {abs(scale[channel]):.2f} times the others' "
+                "value: another range, or a phase of another inductance"
             )
     return mistakes, legs, scale
 

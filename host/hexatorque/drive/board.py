@@ -95,6 +95,8 @@ class BoardDrive(DriveVerbs):
         rate_Hz: float | None = None,
         operator: Callable[[str, float], None] | None = None,
     ) -> None:
+        if not isinstance(client, Client):
+            raise LinkInputError(f"client = {client!r}: BoardDrive.open(PORT) connects to a board")
         self.client = client
         self._recorder: Stream | None = None
         try:

@@ -72,7 +72,7 @@ def write_all(drive: BoardDrive, values: Values) -> dict[str, object]:
     if wrong:
         drive.set_many({name: before[name] for name in changed})
         raise NotTaken(
-            f"read back, {', '.join(wrong)} differ from what was written: the former values are "
+            f"read back, {', '.join(wrong)} differ from the written values: the former values are "
             "in force again"
         )
     return changed

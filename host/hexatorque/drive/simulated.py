@@ -63,6 +63,8 @@ class SimulatedDrive(Hardware, DriveVerbs):
     ) -> None:
         setup = setup if isinstance(setup, Setup) else load(setup)
         make = controller_of(controller) if isinstance(controller, Law) else controller
+        if not callable(make):
+            raise SetupError(f"controller = {controller!r}: a Law is needed")
         super().__init__(setup, make(setup["timing.device"], parameters(setup)), samples_per_period)
         self.wall_s = 0.0
         self._started_s = time.time()  # wall-clock time at the beginning of the simulation

@@ -36,10 +36,10 @@ def whole(fast_load: float, fast_speed: float = 1.5) -> Course:
 def accept(
     setup: Setup, course: Course = ROUND, rated: tuple[float, float] | None = None
 ) -> SimulatedDrive:
-    """The drive after the run. Raises DriveFault if it trips and NotReached if it does not get
-    where it should: at a speed that is held the machine carries the load; NotReached, too, if its
-    gates were commanded what could destroy a power stage. rated: speed in r/min
-    and torque in N m; without them those that follow from the set-up (`Design`)."""
+    """The drive after the run. Raises DriveFault if it trips and NotReached if it misses
+    its course: at a speed that is held the machine carries the load; NotReached, too, if its gates
+    got a destructive command. rated: speed in r/min and torque in N m; default: those that follow
+    from the set-up (`Design`)."""
     values = parameters(setup)
     design = Design(setup, values.__getitem__)
     speed_rpm, load_Nm = rated or (design.rated_rpm, design.rated_Nm)

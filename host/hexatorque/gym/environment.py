@@ -184,7 +184,7 @@ class SixPhaseDrive(gymnasium.Env):
 
     @property
     def reference(self) -> float:
-        """In force now: torque in N m, or speed in r/min."""
+        """The present reference: torque in N m, or speed in r/min."""
         now_s = self._taken * self.periods * self._period_s
         return self._references[bisect_right(self._times_s, now_s + 1e-9) - 1][1]
 

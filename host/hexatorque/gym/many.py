@@ -75,7 +75,7 @@ class Many(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
 
     def _answers(self) -> list[Any]:
-        """Of all processes. Raises the first error when all have answered."""
+        """The answers of all processes. Raises the first error when all have answered."""
         answers = [line.recv() for line in self._lines]
         for well, found in answers:
             if not well:

@@ -32,7 +32,7 @@ class Capture(NamedTuple):
         return len(self.recording) * len(self.recording.channels)
 
     def file(self, suffix: str) -> bytes:
-        """As a file. `.json` is the file of metadata that belongs to `.csv`."""
+        """The capture as a file. `.json` is the file of metadata that belongs to `.csv`."""
         with tempfile.TemporaryDirectory() as folder:
             kind = ".csv" if suffix == ".json" else suffix
             path = self.recording.save(Path(folder) / f"capture{kind}")

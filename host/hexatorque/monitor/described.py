@@ -24,7 +24,7 @@ def tables(
     faults: Sequence[FaultRow],
     states: Sequence[str],
 ) -> dict:
-    """As JSON."""
+    """The dictionary of a board as JSON, for the page."""
     names = [row.name for row in channels]
     return {
         "triggers": TRIGGERS,

@@ -211,7 +211,7 @@ class Guided:
         self._changed()
 
     def setup_text(self) -> str:
-        """A set-up with what was measured, as `board commission --out` writes it."""
+        """A set-up with the measured values, as `board commission --out` writes it."""
         found = self._usable()
         if not found or not found.whole():
             step = kind_of(self.drive).whole

@@ -7,6 +7,9 @@ Anybody who can use the page can turn the machine. Therefore:
 - a request must name this server as its host, so that no other name can be pointed here by
   DNS, and must not come from another site;
 - commands are POSTs of JSON with this server's Origin.
+
+The standard library's server is enough. A framework would replace the reading of requests only, a
+few dozen lines, not these checks, and would be one more dependency.
 """
 
 from __future__ import annotations
@@ -492,7 +495,7 @@ def _difference(monitored: MonitoredDrive, body: dict) -> dict:
 
 
 def _commission(monitored: MonitoredDrive, body: dict) -> None:
-    """Begin a commissioning. What the body does not have follows from the drive's parameters."""
+    """Begin a commissioning. Fields that the body lacks follow from the drive's parameters."""
     steps = _field(body, "steps", list, "a list of steps")
     try:
         steps = kind_of(monitored.drive).with_needs(steps)

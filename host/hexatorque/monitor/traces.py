@@ -140,7 +140,8 @@ class View:
 class Traces:
     """The samples of a drive that pages show. ring, stream: of the present traces, None without;
     epoch: counts the choices of channels and rate, so that a page notices a new one; recorder: of
-    the recording that runs; measured_Hz: samples per second. `tell` gets what no page asked for."""
+    the recording that runs; measured_Hz: samples per second. `tell` gets messages that no page
+    asked for."""
 
     def __init__(self, drive: BoardDrive, folder: Path, tell: Callable[[str], None]) -> None:
         self.drive = drive

@@ -95,7 +95,7 @@ class Bodies:
 
     @property
     def stored_J(self) -> float:
-        """Above the ambient."""
+        """The heat that winding and frame hold above the ambient temperature."""
         v = self._values
         rise = np.mean(self.winding_degC) - v["ambient_degC"]
         frame = v["frame_s"] / v["frame_K_W"] * (self.frame_degC - v["ambient_degC"])

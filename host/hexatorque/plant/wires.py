@@ -1,4 +1,4 @@
-"""How the drive may be connected, and misconnected: for trying out what finds such mistakes.
+"""Connections of the drive, right and wrong ones: for tests of the wiring check.
 
 This module imports nothing: cmake/initial_values.py uses it where the package is not installed.
 """

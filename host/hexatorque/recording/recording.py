@@ -135,7 +135,7 @@ class Recording:
         or if the file cannot be written."""
         from ..analysis.panels import over_time
 
-        if file is not None and Path(file).suffix != ".png":
+        if file is not None and _file(file).suffix != ".png":
             raise RecordingError(f"{file}: a picture is a .png")
         panels = [self._panel(name) for name in names or self._shown()]
         try:
@@ -239,7 +239,7 @@ class Recording:
     def save(self, path: str | Path) -> Path:
         """Write a file; its suffix decides the format (`formats.SUFFIXES`). Returns the path. An
         older file is replaced only when the new one is complete. RecordingError on failure."""
-        path = Path(path)
+        path = _file(path)
         writer = formats.module(path)
         check_names(self.channels)
         for name, data in self.channels.items():
@@ -261,7 +261,7 @@ class Recording:
     def load(path: str | Path) -> Recording:
         """Read a file from `save` or `Writer`, or the journal (.part) of a recording that was not
         closed. RecordingError if that is not possible."""
-        path = Path(path)
+        path = _file(path)
         reader = formats.reader(path)
         try:
             return reader.load(path)
@@ -270,6 +270,12 @@ class Recording:
             raise RecordingError(f"{path}: {formats.one_line(error)}{meant}") from None
         except Exception as error:  # a damaged file makes a parser raise anything
             raise RecordingError(f"{path}: not a recording ({formats.one_line(error)})") from None
+
+
+def _file(path: object) -> Path:
+    if not isinstance(path, str | Path):
+        raise RecordingError(f"file = {path!r}: the name of a file is needed")
+    return Path(path)
 
 
 def _quantity(name: str) -> str:

@@ -5,6 +5,9 @@ table begins with the first of these rows, and names and units stand in the line
 is no rule for a maker. Columns are separated by commas, semicolons or tabs. The decimal sign is a
 point or a comma, never both. Samples must be equally spaced: values are never interpolated, and no
 row is ever left out.
+
+pandas and numpy have to be told delimiter, decimal sign and first row. The standard library's csv
+splits the rows.
 """
 
 from __future__ import annotations

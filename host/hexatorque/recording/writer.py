@@ -288,7 +288,7 @@ class Writer:
             raise self._failed(error) from None
 
     def _failed(self, error: OSError) -> NotWritten:
-        return NotWritten(f"{self.growing}: {one_line(error)}; what was written before is kept")
+        return NotWritten(f"{self.growing}: {one_line(error)}; the samples before are kept")
 
 
 def why(error: BaseException | None) -> str:

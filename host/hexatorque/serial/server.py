@@ -3,7 +3,7 @@
     python -m hexatorque.serial.server PORT BAUD[,BAUD...]
 
 The first client starts it (transport.py). It ends one second after the last client has left. If it
-does not run or dies, the board's watchdog stops the drive. What it does meanwhile is in sharing.py.
+does not run or dies, the board's watchdog stops the drive. Its work is in sharing.py.
 
 It does not import numpy, so it starts quickly.
 """

@@ -143,7 +143,7 @@ def _device_nJ_VA(k: Known) -> float:
 
 
 def _switching_W(d: Design) -> float:
-    """Of a leg with the amplitude of rated current, as the drive computes it."""
+    """Switching loss of a leg with the amplitude of rated current, as the drive computes it."""
     return 1e-9 * d.parameter("device_nJ_VA") * d.parameter("f_isr_Hz") * d.vdc_V * d.rated_A
 
 
@@ -154,8 +154,8 @@ def _leg_W(d: Design) -> float:
 
 
 def device_rise_K(d: Design) -> float:
-    """Of the hottest leg above the heat sink, as the drive computes it, with rated current at a
-    standstill."""
+    """The hottest leg's temperature above the heat sink, as the drive computes it, with rated
+    current at a standstill."""
     return float(d.parameter("device_K_W")) * _leg_W(d)
 
 
@@ -514,8 +514,8 @@ OPEN: dict[str, Rule] = {
     ),
     "kp_speed_Nms_rad": Rule(
         "inertia times the loop's corner, 2 pi f_slow_Hz / 30; where it is an estimate 2 pi / 30 "
-        "times the frequency that suffices, but at most what lets the shaft run away by 3 % of "
-        "rated speed when the rated load drops",
+        "times the frequency that suffices, but at most the one with which the shaft runs away by "
+        "3 % of rated speed when the rated load drops",
         lambda k: min(k.machine.inertia_kgm2 * _loop_rad_s(k), 1e5),
     ),
     "ki_speed_Nm_rad": Rule(
@@ -678,7 +678,7 @@ def _magnet_speed_trip_rpm(k: Known) -> float:
 OPEN_MAGNET: dict[str, Rule] = {
     "flux_ref_Wb": Rule("flux of the torque limit with its least current", _flux_of_limit_Wb),
     "flux_min_Wb": Rule(
-        "20 % of the smaller of psi_f and flux_ref_Wb, and what the firmware takes at least",
+        "20 % of the smaller of psi_f and flux_ref_Wb, and the firmware's least value",
         lambda k: max(LEAST_FLUX_WB, 0.2 * min(k.machine.psi_f_Wb, k.flux_Wb)),
     ),
     "loss_check": Rule(
@@ -688,7 +688,7 @@ OPEN_MAGNET: dict[str, Rule] = {
     ),
     "torque_limit_Nm": Rule(
         "1.5 times rated torque, or the largest load of point and profile if no torque is stated "
-        "and that is larger; but at most what 80 % of i_trip_A gives",
+        "and that is larger; but at most the torque of 80 % of i_trip_A",
         _magnet_torque_limit_Nm,
     ),
     "crossover_Hz": Rule(
@@ -707,8 +707,8 @@ OPEN_MAGNET: dict[str, Rule] = {
         "0.5: the two models' fluxes may be so many psi_f apart", lambda k: LARGEST_GAP
     ),
     "encoder_trip_rpm": Rule(
-        "what torque limit and rated torque do together within 3 ms to a shaft of 60 % of the "
-        "inertia, 40 r/min at least: no real shaft changes its speed as quickly",
+        "change of speed in 3 ms by torque limit plus rated torque, with 60 % of the inertia, "
+        "40 r/min at least: no real shaft changes its speed as quickly",
         _jump_rpm,
     ),
     "f_slow_Hz": Rule(

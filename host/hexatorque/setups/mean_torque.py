@@ -43,7 +43,7 @@ class Held:
 
     @property
     def error_pct(self) -> float:
-        """In % of the reference; NaN without one."""
+        """The error in % of the reference; NaN without one."""
         return 100 * self.error_Nm / abs(self.asked_Nm) if self.asked_Nm else math.nan
 
 

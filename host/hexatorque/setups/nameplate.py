@@ -191,8 +191,8 @@ def split(plate: Nameplate, efficiency: float = 0.0) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Powers:
-    """gap: what crosses the air gap; stator: what rotor, iron and friction leave of the losses. It
-    is negative if iron and friction have less than they are taken to have."""
+    """gap: the power across the air gap; stator: the losses less those of rotor, iron and friction.
+    It is negative if the assumed losses of iron and friction are too large."""
 
     gap_W: float
     stator_W: float

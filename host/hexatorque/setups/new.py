@@ -163,7 +163,7 @@ def value(name: str, word: str, key: Key) -> Any:
 
 
 def from_nameplate(text: str, title: str) -> str:
-    """The text of a set-up from what a nameplate says. ThreePhase if the plate is a three-phase
+    """The text of a set-up from a nameplate. ThreePhase if the plate is a three-phase
     machine's."""
     given = read(text, NAMEPLATE)
     _link_fits(given)
@@ -455,7 +455,7 @@ def _thresholds(vdc_V: float) -> dict[str, tuple]:
 def with_best_scheme(text: str, name: str) -> tuple[str, str, str, list[str]]:
     """The text of a new set-up with the scheme that the review finds best for its machine; that
     scheme, and why; a line for each number that is unusual. If none is ready the scheme is empty,
-    and the reason says what would help. SetupError if no machine has such numbers."""
+    and the reason names a remedy. SetupError if no machine has such numbers."""
     from .. import firmware
     from .loading import parse
     from .review import best, none_ready, refuse_impossible, review, unusual

@@ -58,7 +58,7 @@ HELD_PCT = 5.0
 #: Share of the voltage, rms, that the shortest pulse may change.
 CHANGED = 0.05
 #: Beginnings of subjects that others look for.
-SHORT_PULSES = "voltage that min_pulse_us changes, rms, in % of what is asked for"
+SHORT_PULSES = "voltage that min_pulse_us changes, rms, in % of the reference"
 MEAN_PCT = "mean torque less its reference, in % of it"
 MEAN_NM = "mean torque less its reference"
 REACH = "reach with the full flux"
@@ -178,14 +178,14 @@ def best(findings: Iterable[Finding], schemes: Iterable[str]) -> tuple[str, str]
 
 
 def none_ready(findings: Iterable[Finding], schemes: Iterable[str]) -> str:
-    """Why none of these is ready, and what would help: of the set-up; else of the scheme of which
+    """Why none of these is ready, and the remedy: of the set-up; else of the scheme of which
     the fewest findings are bad."""
     bad = [f for f in findings if f.verdict == "bad"]
     near = min(schemes, key=lambda scheme: sum(f.scheme == scheme for f in bad))
     of = [f for f in bad if not f.scheme] or [f for f in bad if f.scheme == near]
     nearest = f", {near} is nearest" if of[0].scheme else ""
     helps = "; ".join(dict.fromkeys(f.advice for f in of))
-    return f"none is ready{nearest}: {', '.join(map(_why, of))}; what would help: {helps}"
+    return f"none is ready{nearest}: {', '.join(map(_why, of))}; remedy: {helps}"
 
 
 def _with_others(findings: list[Finding]) -> list[Finding]:
@@ -289,7 +289,7 @@ FURTHER, FAR = 1.25, 2.0
 #: Largest ratio of the two leakages: 1.25 times that of any published machine.
 MOST_UNEQUAL = 3.1
 #: Of subjects: what `unusual` looks for.
-UNUSUAL, UNEQUAL = "over what is usual", "lls_H over llr_H"
+UNUSUAL, UNEQUAL = "over its usual value", "lls_H over llr_H"
 
 
 def _usual(d: Design) -> Iterator[Finding]:
@@ -564,7 +564,7 @@ def _currents_of_torque(d: Design) -> Iterator[Finding]:
 
 
 def _step_of_converter(d: Design, limit_A: float) -> Finding:
-    """Bad beyond five times the limit."""
+    """The converter's step against a limit; the finding is bad beyond five times the limit."""
     quantum_A = 2 * d.setup["sensors.i_full_A"] / 2 ** d.setup["sensors.adc_bits"]
     return graded(
         "step of the current's converter", quantum_A, limit_A, 5 * limit_A, "A",
@@ -759,7 +759,7 @@ def _speed(d: Design) -> Iterator[Finding]:
 
 
 def _link(d: Design) -> Iterator[Finding]:
-    """What braking makes of the dc link's capacitor, and what its power stage must bear."""
+    """The dc-link voltage that braking causes, and the voltage that the power stage must bear."""
     p, setup = d.parameter, d.setup
     link_F, ohm = setup["inverter.link_F"], setup["inverter.chopper_ohm"]
     chopper_V = setup["inverter.chopper_on_V"] or p("chopper_on_V")
@@ -816,7 +816,7 @@ def _limited_link(d: Design, energy_J: float) -> str:
 
 
 def _power_stage(d: Design) -> Iterator[Finding]:
-    """What the drive is told of its devices, against those of the simulated power stage."""
+    """The drive's parameters of its devices, against those of the simulated power stage."""
     setup = d.setup
     if not has_chains(setup):
         return

@@ -3,10 +3,10 @@
 The speed loop follows the cycle's speed, while the load takes its torque. The torque of the
 rotor's own inertia comes on top, and shaft_Wh has it, too.
 
-drawn_Wh, returned_Wh: from and to the dc link, switching losses included; shaft_Wh: what the shaft
-has given, less what it has taken; loss_Wh: the difference; copper_loss_Wh: of the stator;
-conduction_loss_Wh, switching_loss_Wh: of the inverter; efficiency_pct: what has come out at either
-end over what has gone in at either end; f_sw_Hz: mean; speed_error_rpm: root of the mean square.
+drawn_Wh, returned_Wh: from and to the dc link, switching losses included; shaft_Wh: the net energy
+that the shaft has given; loss_Wh: the difference; copper_loss_Wh: of the stator;
+conduction_loss_Wh, switching_loss_Wh: of the inverter; efficiency_pct: the output of both ends over
+the input of both ends; f_sw_Hz: mean; speed_error_rpm: root of the mean square.
 """
 
 from __future__ import annotations

@@ -91,7 +91,7 @@ class Journal:
             self._file.flush()
         except OSError as error:
             raise StudyError(
-                f"{self.path}: {error.strerror}; what is computed is kept, --resume goes on"
+                f"{self.path}: {error.strerror}; the computed runs are kept, --resume goes on"
             ) from None
 
     def __enter__(self) -> Journal:

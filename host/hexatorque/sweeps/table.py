@@ -126,7 +126,7 @@ def write_parquet(results: Results, meta: dict[str, Any], path: Path) -> bool:
 
 
 def _columns(results: Results) -> list[list[Any]]:
-    """By column. A column with numbers and text is text."""
+    """The table's columns. A column with numbers and text is text."""
     columns = [list(column) for column in zip(*lines(results))] or [[] for _ in units(results)]
     for k, column in enumerate(columns):
         if any(isinstance(cell, str) for cell in column):

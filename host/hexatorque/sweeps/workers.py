@@ -1,6 +1,7 @@
 """Who computes the runs: processes here, any executor, or a Dask cluster.
 
-All of them are used through `concurrent.futures`. What they add is how to end a run that hangs.
+All of them are used through `concurrent.futures`. Their own part is to end a run that hangs: a
+future that runs cannot be cancelled.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class Workers(Protocol):
         """Whether a task, whose runs have this limit together, gives no answer any more."""
 
     def abandon(self, future: Future) -> None:
-        """End what works on an overdue task."""
+        """End the workers of an overdue task."""
 
     def close(self) -> None:
         """End the workers without waiting for the runs under way."""

@@ -1,7 +1,8 @@
 """The differences between operating systems: locks, processes, ports, how programs find each other.
 
 `posix.py` is for Linux and macOS, `windows.py` for Windows. Both have the same names. Nothing else
-in the package asks which system it runs on, and nothing else uses what one of them lacks.
+in the package asks which system it runs on, and nothing else uses a function that one of them
+lacks.
 
 No library replaces this. A lock of filelock empties the file that it locks, psutil does not tell
 who has a serial port open, and platformdirs names other folders than those in use.

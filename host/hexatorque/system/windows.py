@@ -54,7 +54,7 @@ def has_screen() -> bool:
 
 
 def prepare_output() -> None:
-    """In a file or pipe, too, what is printed is UTF-8."""
+    """Make output into files and pipes UTF-8, too."""
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
             stream.reconfigure(encoding="utf-8")
@@ -178,7 +178,7 @@ def prepare_workers() -> None:
 
 
 def workers_MB() -> list[float]:
-    """Not known here."""
+    """The memory of the workers, which is not known on Windows."""
     return []
 
 

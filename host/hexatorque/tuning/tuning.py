@@ -111,7 +111,7 @@ class Tuned:
 
 
 def note(request: Request) -> str:
-    """Beside each value in the file."""
+    """The note beside each value in the file."""
     return f"hexatorque tune, seed {request.seed}, {request.trials} trials"
 
 

@@ -194,8 +194,8 @@ def _from_outside(
         shaft = parts(setup, loads, omega, time_s, bench.slow_s, np.arange(periods))
         torque_Nm = shaft["needed"]
         bench.notes.append(
-            "no torque_ref_Nm: the torque is what speed, inertia, friction and load of the set-up "
-            "need"
+            "no torque_ref_Nm: the torque follows from the speed and the set-up's inertia, "
+            "friction and load"
         )
     if not speed_known:
         bench.notes.append(f"no speed_rpm: {speed[0] * 30 / np.pi:.6g} r/min are taken (--speed)")

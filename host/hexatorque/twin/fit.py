@@ -167,7 +167,7 @@ class Comparison:
 
     @property
     def unexplained(self) -> bool:
-        """Whether what remains is more than the noise makes."""
+        """Whether the remaining difference exceeds the noise."""
         rest = self.residual
         if self.together:
             return self.together.squared > UNEXPLAINED * len(rest)

@@ -58,7 +58,7 @@ class Set:
 
     @property
     def per_value(self) -> float:
-        """The mean square of what remains, in expected noises; at least 1."""
+        """The mean square of the remaining difference, in expected noises; at least 1."""
         return max(1.0, self.squared / len(self.rest))
 
     @property
@@ -148,7 +148,7 @@ class Search:
 
     @staticmethod
     def _linear(residual: np.ndarray, effects: Sequence[np.ndarray]) -> float:
-        """The square of what these effects leave."""
+        """The square of the residual without these effects."""
         matrix = np.array(effects)
         size = np.linalg.norm(matrix, axis=1, keepdims=True)
         matrix = matrix / size

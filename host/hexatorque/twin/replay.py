@@ -102,8 +102,8 @@ def replay(
 
 
 class _Follower:
-    """A simulated drive in torque mode whose shaft follows a given speed. closed: the torque that
-    is given is that of the shaft, and the reference is what makes the machine give it."""
+    """A simulated drive in torque mode whose shaft follows a given speed. closed: the given
+    torque is that of the shaft, and the reference makes the machine produce it."""
 
     def __init__(self, sim: SimulatedDrive, slow_s: float, vdc_share: float, closed: bool) -> None:
         self.sim, self.slow_s, self.vdc_share = sim, slow_s, vdc_share

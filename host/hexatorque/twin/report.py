@@ -41,7 +41,8 @@ def verdict(comparison: Comparison) -> list[str]:
 
 
 UNEXPLAINED = (
-    "what remains is more than noise: more than this is off, or something that is no parameter"
+    "the remaining difference exceeds the noise: another parameter is wrong, or something that is "
+    "no parameter"
 )
 
 

@@ -84,7 +84,7 @@ def _turn(degrees: float) -> float:
 
 
 def _analytic(values: np.ndarray) -> np.ndarray:
-    """Without the mean and the negative frequencies."""
+    """The values as an analytic signal: without their mean and the negative frequencies."""
     spectrum = np.fft.fft(values - values.mean())
     spectrum[(len(values) + 1) // 2 :] = 0.0
     return 2 * np.fft.ifft(spectrum)

@@ -115,7 +115,7 @@ def test_the_zero_of_an_encoder(way, begins, friction_deg, cogging_deg):
 def test_counts_that_do_not_fit_are_named(pairs, counts_rev):
     asked = 360.0 * np.array(alignment.STOPS * 2)
     rows = np.column_stack([asked, np.round(asked / 360 * 8192 / 5), np.zeros(14)])
-    assert "times what" in alignment.solve(rows, pairs, counts_rev).mistakes[0]
+    assert "times the number by" in alignment.solve(rows, pairs, counts_rev).mistakes[0]
 
 
 def emf_table(omega, psi_f, shares, id_A, corner, aside_deg, delay):

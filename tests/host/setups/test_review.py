@@ -342,7 +342,7 @@ ELEMENTS = {
 
 
 def usual_findings(setup):
-    found = [f for f in review(setup, []) if " over what is usual at " in f.subject]
+    found = [f for f in review(setup, []) if " over its usual value at " in f.subject]
     return {f.subject.split(" over ")[0]: f for f in found}
 
 
@@ -457,7 +457,7 @@ def test_the_circuits_of_published_machines_are_usual_without_their_speeds():
 # -- no scheme is ready --------------------------------------------------------------------------
 
 CURRENT = CIRCUIT.removesuffix(",vdc_V=600")
-#: What is wrong, why no scheme is ready, and what would help: written into the circuit.
+#: What is wrong, why no scheme is ready, and the remedy: written into the circuit.
 NONE_READY = [
     ("vdc_V=100,speed_rpm=1500,torque_Nm=9", "torque limit", "inverter.vdc_V", "vdc_V=300"),
     ("vdc_V=600,i_full_A=7,torque_Nm=9,flux_Wb=1", "build-up", "i_full_A", "i_full_A=25"),
@@ -481,7 +481,7 @@ def test_new_says_why_no_scheme_is_ready_and_what_would_help(
     file = tmp_path / "mine.toml"
     first = said_by_new(file, capsys, f"{CURRENT},{more}")
     assert first.startswith("scheme ddr: none is ready") and why in first
-    assert helps in first.partition("; what would help: ")[2]
+    assert helps in first.partition("; remedy: ")[2]
     assert "raise controller.torque_limit_Nm" not in first  # something else limits it
     setup = setups.load(file)
     assert f"# {first.removeprefix('scheme ddr: ')}" in file.read_text()

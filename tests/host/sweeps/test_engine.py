@@ -175,7 +175,7 @@ def test_a_disk_that_becomes_full_loses_no_row(make, tmp_path, threads):
     head = len(str(made.as_json()))
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (head + 600, before[1]))
-        with pytest.raises(StudyError, match="what is computed is kept, --resume goes on"):
+        with pytest.raises(StudyError, match="the computed runs are kept, --resume goes on"):
             made.run(tmp_path, executor=threads)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -144,7 +144,7 @@ def _written(module, name: str, result: dict, output: Path) -> Path:
 
 
 def _told(module, result: dict, picture: Path, console: Console) -> list[str]:
-    """Prints a study's tables, and what failed. Returns the latter."""
+    """Prints a study's tables and its failures. Returns the failures."""
     from ...evidence.studies.grids import for_terminal
 
     console.print("\n".join([module.TITLE, *filter(None, [getattr(module, "NOTE", "")])]))
@@ -176,7 +176,7 @@ def _told(module, result: dict, picture: Path, console: Console) -> list[str]:
 @click.option(
     "--methods",
     is_flag=True,
-    help="simulate every method too, and draw what it reaches: some minutes a point",
+    help="simulate every method too, and draw its front: some minutes a point",
 )
 @options.quick
 @options.folder("out/limit")
@@ -184,8 +184,8 @@ def _told(module, result: dict, picture: Path, console: Console) -> list[str]:
 def limit(setup, speed, load, settings, f_sw, methods, quick, output, as_json) -> int:
     """The least ripple that any pulse pattern can have.
 
-    Computes least torque ripple and least distortion at a switching frequency, and what lies
-    between them, beside carrier modulation; numbers and a picture in the folder. With --methods
+    Computes least torque ripple, least distortion and the compromises between them at a switching
+    frequency, beside carrier modulation; writes numbers and a picture. With --methods
     every method is searched at the point, and its front drawn.
     """
     from ... import setups

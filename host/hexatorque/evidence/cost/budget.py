@@ -148,7 +148,7 @@ def measure(setup: Setup, progress: Progress | None = None) -> dict:
 
 
 def placed() -> list[dict]:
-    """What PLACING takes where its positions count."""
+    """The instructions of PLACING at points where its positions count."""
     setup = setups.load(PLACED).with_scheme(PLACING)
     return count.over_shares(setup, PLACED_SHARES, MACHINE)
 

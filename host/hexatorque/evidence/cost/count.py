@@ -265,7 +265,7 @@ def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[s
 
 
 def instruction_table(result: dict) -> Table:
-    """For the terminal."""
+    """The instructions as a table for the terminal."""
     from rich.table import Table
 
     table = Table(title="Cortex-M4F instructions per period", title_justify="left")
@@ -283,7 +283,7 @@ def instruction_table(result: dict) -> Table:
 
 
 def profile_tables(result: dict, scheme: str, rows: int = 40) -> list:
-    """For the terminal."""
+    """The profile of a scheme as tables for the terminal."""
     from rich.table import Table
 
     tables = []

@@ -332,7 +332,7 @@ def front(
 
 
 def _first(every: list[_Angle], weight: float, seed: int, tell: Tell, number: int) -> _Best:
-    """From all starts at this angle."""
+    """The best pattern from all starts at this angle."""
     kinds = every[number].kinds(weight)
     patterns = kinds[np.repeat(np.arange(len(kinds.pulses)), STARTS)]
     x = patterns.random(np.random.default_rng([37, seed, number]))
@@ -350,7 +350,7 @@ def _second(
     tell: Tell,
     number: int,
 ) -> _Best:
-    """From the best ones of those angles, and from this angle's of other weights."""
+    """The best pattern from those of the other angles, and from this angle's of other weights."""
     angle = every[number]
     pool = [*first, *(one[number] for one in before)]
     rails, pulses, x = [], [], []

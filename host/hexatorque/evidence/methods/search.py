@@ -1,10 +1,10 @@
 """The settings that are tried for one method at one operating point: the same search for every
 method of a comparison.
 
-A campaign is a Latin hypercube over what is free in the method, in which along every axis each of n
-equal intervals holds one of the n settings. Then rounds of refinement try neighbours of the
-settings that are best so far: one for each target, which is a judged figure within a limit of the
-switching frequency. A larger budget means further campaigns. The random numbers come from the
+A campaign is a Latin hypercube over the free parameters of the method, in which along every axis
+each of n equal intervals holds one of the n settings. Then rounds of refinement try neighbours of
+the settings that are best so far: one for each target, which is a judged figure within a limit of
+the switching frequency. A larger budget means further campaigns. The random numbers come from the
 comparison's seed, the point, the method and the campaign's number, so that a search can be repeated
 and continued.
 """

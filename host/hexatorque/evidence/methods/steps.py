@@ -121,7 +121,7 @@ def speed_response(
 
 
 def reversal(at: Point, progress: Progress | None) -> dict[str, float]:
-    """Without load."""
+    """The response to a speed reversal without load."""
     events = [(STEP_AT_S, "speed_ref_rpm", -at.speed_rpm)]
     return speed_response(replace(at, load_Nm=0.0), events, REVERSAL_S, -at.speed_rpm, progress)
 

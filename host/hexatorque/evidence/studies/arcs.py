@@ -52,7 +52,7 @@ BANDS = ((5.0, 15.0), (15.0, 60.0), (60.0, 300.0), (300.0, math.inf))
 
 @dataclass(frozen=True)
 class Case:
-    """One run. mode: what ride_through is set to."""
+    """One run. mode: the setting of ride_through."""
 
     seed: int
     scheme: str
@@ -63,7 +63,7 @@ class Case:
 @dataclass
 class Result:
     """outcome: `right`, `sound` (a sound phase was named), `late` (none was named), `gates` (they
-    were commanded what no power stage may see) or `other` (another check stopped the drive).
+    got a forbidden command) or `other` (another check stopped the drive).
     error: what was wrong, empty if nothing was."""
 
     case: Case
@@ -130,7 +130,7 @@ def _off(sim: SimulatedDrive) -> int:
 
 
 def run(case: Case, progress: Progress | None = None) -> Result:
-    """One run, with an error too if the gates were commanded what no power stage may see."""
+    """One run, with an error too if the gates got a forbidden command."""
     rng = np.random.default_rng(case.seed)
     result, sim = _begun(case, rng, progress)
     if sim.state != firmware.RUN:

@@ -1,5 +1,5 @@
-"""Faults of what lies beside the drive: thermistors, braking chopper, holding brake. What a set-up
-needs for them, how they are injected, and how the pins must then be."""
+"""Faults of auxiliary parts: thermistors, braking chopper, holding brake. This module has the
+set-ups for them, injects them, and checks the pins."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ def truth(setup: Setup, dry_Nm: float) -> dict[str, float]:
 
 
 def measured(setup: Setup, steps: Sequence[str] = tuple(INDUCTION.steps)) -> dict[str, Any]:
-    """Commission a drive: what was found beside what is true, or why not."""
+    """Commission a drive: the measured values beside the true ones, or the reason for a failure."""
     sim = Watched(setup, 2)
     design = Design(setup, setup.parameter)
     sim.load_Nm = 0.02 * design.rated_Nm
@@ -287,7 +287,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
 
 
 def error_pct(row: dict, name: str) -> float:
-    """Infinite where nothing was found."""
+    """The error of a measured value in %; infinite if it was not measured."""
     if name not in row["values"]:
         return float("inf")
     true, value, _ = row["values"][name]

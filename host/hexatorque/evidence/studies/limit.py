@@ -63,7 +63,7 @@ def of_the_comparison() -> list[Where]:
 
 
 def at_point(setup: Setup) -> Where:
-    """At the point of a set-up. Its load's sign is that of the speed, unless it drives."""
+    """The point of a set-up. Its load has the sign of the speed, unless it drives."""
     speed_rpm, load_Nm = setup["point.speed_rpm"], setup["point.load_Nm"]
     torque_Nm = math.copysign(1.0, speed_rpm) * load_Nm
     values = json.dumps(setup.summary(), sort_keys=True)
@@ -141,7 +141,7 @@ def best(there: Mapping[str, At], f_sw_Hz: float) -> dict[str, dict[str, dict]]:
 
 
 def marks(found: Mapping[str, Mapping[str, dict]]) -> dict[str, dict[str, tuple[float, float]]]:
-    """Of `best`, for `plot`."""
+    """The points of `best`, for `plot`."""
     return {
         title: {
             name: (of["thd_inf_pct"]["thd_inf_pct"], of["td_Nm"]["td_Nm"])

@@ -74,7 +74,7 @@ LOST = firmware.FAULTS[firmware.PHASE_LOST]
 
 @dataclass(frozen=True)
 class Case:
-    """One run. mode: what ride_through is set to. second: this leg breaks too."""
+    """One run. mode: the setting of ride_through. second: this leg breaks too."""
 
     seed: int
     scheme: str
@@ -351,8 +351,7 @@ RUN = {"found": _found, "healthy": _healthy, "goes on": _goes_on}
 
 
 def run(campaign: str, case: Case, progress: Progress | None = None) -> Result:
-    """One run of a campaign, with an error too if the gates were commanded what no power stage may
-    see."""
+    """One run of a campaign, with an error too if the gates got a forbidden command."""
     rng = np.random.default_rng(case.seed)
     speed_rpm = drawn_rpm(rng)
     if case.mode == "off":

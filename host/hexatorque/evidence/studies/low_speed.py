@@ -57,8 +57,8 @@ class Case:
 class Outcome:
     """The extremes over the settled time. If the drive tripped, they are over all its windows, and
     `fault` and `fault_s` say why and when. Speed: deviation of the instantaneous shaft speed. Flux:
-    deviation of a window's mean true flux from the reference. gates: what they were commanded that
-    no power stage may see."""
+    deviation of a window's mean true flux from the reference. gates: forbidden commands that
+    the gates got."""
 
     speed_error_rpm: tuple[float, float]
     flux_error: tuple[float, float]

@@ -243,7 +243,7 @@ def _list(given: dict[str, Any]) -> str:
 
 
 def drive(true: Truth, believed: Setup, number: int) -> Setup:
-    """The controller that was designed for what was told, in front of the true machine."""
+    """The true machine with the controller that was designed from the stated data."""
     values = setups.parameters(believed)
     known = {f"controller__{n}": v for n, v in values.items() if n not in TIMING_OWNS}
     draw = random.Random(number)
@@ -350,7 +350,8 @@ def _driven(found: list[dict]) -> int:
 
 
 def failures(result: dict) -> list[str]:
-    """A line for each way in with too few driven, and for a `check` that is wrong too often."""
+    """A line for each kind of data with too few machines that run, and for a `check` that is wrong
+    too often."""
     lines = []
 
     def needs(what: str, found: int, of: int, share: float) -> None:

@@ -1,5 +1,5 @@
-"""Machines of all sizes from plates that tell what counts, for studies whose subject is not what a
-plate leaves open (`machines` asks that).
+"""Machines of all sizes from complete plates, for studies whose subject is not the data that a
+plate lacks (`machines` is about that).
 
 Each machine is drawn at random, with its circuit. Its plate, with the power factor, and its inertia
 are told to `hexatorque new`; the pull-out torque and the shares of the losses, which no plate

@@ -14,7 +14,7 @@ SCATTER = 0.15
 
 @dataclass(frozen=True)
 class Truth:
-    """machine: its values by key. draw: for what is told of it."""
+    """machine: its values by key. draw: for the data that are stated."""
 
     name: str
     power_kW: float
@@ -34,7 +34,7 @@ class Told:
 
 
 def asked(of: Told) -> Told:
-    """The same with what is asked of the drive in the file, as in that of any user."""
+    """The same with a profile in the file, as in that of any user."""
     profile = {
         "profile.duration_s": 60.0,
         "profile.speed_rpm": [[0.0, of.speed_rpm], [40.0, of.fast * of.speed_rpm]],

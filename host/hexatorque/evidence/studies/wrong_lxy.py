@@ -64,7 +64,7 @@ def _setup(case: Case, rng: np.random.Generator) -> setups.Setup:
 
 
 def run(case: Case, progress: Progress | None = None) -> Result:
-    """One run, with an error too if the gates were commanded what no power stage may see."""
+    """One run, with an error too if the gates got a forbidden command."""
     rng = np.random.default_rng(case.seed)
     setup = _setup(case, rng)
     speed_rpm = lost_phase.drawn_rpm(rng)

@@ -7,16 +7,16 @@ import { parse } from "./numbers.js";
 import { NUMBER, breakable, shortest } from "./parameters.js";
 import { picture } from "./picture.js";
 
-const PLAN = { what: "what it does", voltage: "voltage", current: "current", shaft: "the shaft" };
+const PLAN = { what: "action", voltage: "voltage", current: "current", shaft: "the shaft" };
 const ENDED = {
-  done: "All steps are done", mistakes: "Something has to be mended first", stopped: "Stopped",
+  done: "All steps are done", mistakes: "A mistake has to be corrected first", stopped: "Stopped",
   failed: "Ended early",
 };
 const FIELDS = {
-  current: ["no phase current goes beyond it", "A", "by the parameters"],
+  current: ["limit of all phase currents", "A", "from the parameters"],
   travel: ["the shaft's movement in the tests at standstill", "rev", ""],
-  turns: ["of the field in the step encoder", "rev", ""],
-  speed: ["highest one of the running drive", "r/min", "by the dc link"],
+  turns: ["turns of the field in the step encoder", "rev", ""],
+  speed: ["highest speed of the running drive", "r/min", "from the dc link"],
 };
 
 /** What is shown in the place of the plots. */
@@ -48,8 +48,8 @@ export function commissioning(the_device, stop) {
       make("span", { textContent: unit }))));
   const form = make("form", { id: "guide-form", autocomplete: "off" },
     make("p", { textContent: "It measures wiring, machine and load. The gates switch, and the shaft turns in some steps. "
-      + "Before each step the gates are off: it says what it will do, and waits for you." }),
-    make("fieldset", {}, make("legend", { textContent: "steps, beside those that they need" }), ...boxes),
+      + "Before each step the gates are off. The page describes the step, and waits for you." }),
+    make("fieldset", {}, make("legend", { textContent: "steps; those that they need are added" }), ...boxes),
     make("fieldset", { className: "choices" }, make("legend", { textContent: "limits" }), ...fields),
     make("button", { type: "submit", className: "primary", id: "guide-begin", textContent: "Begin" }));
   form.addEventListener("submit", (event) => { event.preventDefault(); begin(form); });

@@ -670,7 +670,7 @@ function captureLists() {
     if ([...list.options].some((option) => option.value === before)) list.value = before;
   };
   fill($("capture-shown"), [], "");
-  fill($("capture-over"), [new Option("nothing over it", "")], "over it: ");
+  fill($("capture-over"), [new Option("no other capture", "")], "over it: ");
 }
 
 let asked = 0; // number of the latest request: an answer to an earlier one is too late

@@ -101,7 +101,7 @@ def excess_gain(m, y):
 
 @compiled
 def open_rotor(m, psi_r):
-    """With no stator current: (|psi_m| / |psi_r|, R_r |i_r| / |psi_r| in 1/s)."""
+    """The ratios (|psi_m| / |psi_r|, R_r |i_r| / |psi_r| in 1/s) without stator current."""
     if m.psi_knee_Wb == 0.0 or psi_r == 0.0:
         return m.lm_over_lr, m.rr_over_lr
     share = 1.0 - m.lm_over_lr
