@@ -11,9 +11,6 @@
 
 #define PI_F 3.14159265f
 #define ROOT_3 1.73205081f
-/* Of a current sensor's range, what is left on either side at the largest offset, less 2 %: as in the
- * row I_TRIP. */
-#define SEEN_SHARE 0.885f
 
 static const ht_misfit_info table[] = {
 #define HT_ORDER(id, less, share, more, touch) {HT_P_##less, HT_P_##more, share, touch != 0},
@@ -159,7 +156,9 @@ static bool short_fits(const ht_params *p, uint16_t misfit)
         break;
     case HT_MISFIT_SHORT_SEEN:
     default:
-        result = v[HT_P_magnets_bear_A] <= SEEN_SHARE * v[HT_P_i_full_A];
+        /* As much of the sensors' range as a trip may take. */
+        result =
+            v[HT_P_magnets_bear_A] <= table[HT_MISFIT_I_TRIP - 1u].share * v[HT_P_i_full_A];
         break;
     }
     return result;

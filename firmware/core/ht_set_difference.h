@@ -1,5 +1,5 @@
 /** @file ht_set_difference.h
- *  Learns what the resistances of the two sets differ by, while no leg is lost. Without a leg it
+ *  Learns the difference of the two sets' resistances, while no leg is lost. Without a leg it
  *  matters (ht_lost_legs): each set then has an axis of its own.
  *
  *  Set 2 drops delta more than the mean of both, and set 1 delta less. In x-y this is a voltage that

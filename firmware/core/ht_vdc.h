@@ -1,6 +1,6 @@
 /** @file ht_vdc.h
- *  Keeps the dc link between two levels: what a drive that brakes puts into its capacitor, and what one
- *  takes from it whose source is lost. Torques in N m, speed in rad/s (mechanical).
+ *  Keeps the dc link between two levels: a drive that brakes charges the capacitor, and one whose source
+ *  is lost discharges it. Torques in N m, speed in rad/s (mechanical).
  */
 #ifndef HT_VDC_H
 #define HT_VDC_H

@@ -1,6 +1,6 @@
 /** @file ht_pil.h
- *  Processor in the loop: the drive runs on the target, the plant on the host. The host says
- *  what the hardware would have latched; the target says what its driver did to the hardware.
+ *  Processor in the loop: the drive runs on the target, the plant on the host. The host sends
+ *  the readings that hardware would have latched; the target answers with its driver's changes.
  *  A register target (folder registers/) names the registers that changed, a call target
  *  (folder calls/) the calls of port.h that the drive made. Protocol: docs/pil.md.
  */

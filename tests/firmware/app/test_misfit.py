@@ -263,3 +263,9 @@ def test_what_just_fits_is_taken(changes):
     controller = Controller("f28377s", {})
     controller.set_many(changes)
     assert all(controller.get(name) == pytest.approx(value) for name, value in changes.items())
+
+
+def test_a_short_circuit_may_take_as_much_of_the_sensors_range_as_a_trip():
+    share = lib.ht_misfit_describe(lib.HT_MISFIT_I_TRIP).share
+    told = ffi.string(lib.ht_misfit_demand(lib.HT_MISFIT_SHORT_SEEN)).decode()
+    assert f"{share:.3g} times the second at most" in told
