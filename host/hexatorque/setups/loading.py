@@ -26,9 +26,10 @@ def load(name_or_path: str | Path) -> Setup:
     """A built-in set-up by name, or a set-up or scenario file. A file that starts from another one
     says where that is as seen from its own folder. SetupError has a line for each mistake: the
     key, its value, and what is allowed; or the nearest name if there is no such set-up."""
-    if not isinstance(name_or_path, str | Path) or not str(name_or_path).strip():
-        raise SetupError(f"setup = {name_or_path!r}: the name or the file of a set-up is needed")
+    is_name = isinstance(name_or_path, str | Path)
     text = str(name_or_path)
+    if not is_name or not text.strip():
+        raise SetupError(f"setup = {name_or_path!r}: the name or the file of a set-up is needed")
     if text in builtin_names():
         return parse(builtin_text(text), text)
     path = Path(name_or_path)

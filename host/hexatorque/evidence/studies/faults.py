@@ -358,7 +358,7 @@ FAULTS = (
     Fault("over-current in α–β", _alpha_beta_current, (OVERCURRENT,)),
     Fault("dc link too high", _vdc("vdc_max_V", 1.02), (FOUND.VDC_HIGH,), CHECKED),
     Fault("dc link too low", _vdc("vdc_min_V", 0.98), (FOUND.VDC_LOW,), CHECKED),
-    Fault(firmware.FAULTS[OVERSPEED], _over_speed, (OVERSPEED,), (firmware.RUN,), LATER),
+    Fault(OVERSPEED, _over_speed, (OVERSPEED,), (firmware.RUN,), LATER),
     Fault(
         "encoder lost",
         _hold(ENCODER),
