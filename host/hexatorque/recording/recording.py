@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -113,6 +113,10 @@ class Recording:
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and self._own(name) in self.channels
+
+    def __iter__(self) -> Iterator[str]:
+        """The channels' names, as pandas has it for columns."""
+        return iter(self.channels)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """The samples of a channel, (n,), in `units[name]`. RecordingError names the nearest

@@ -51,7 +51,8 @@ CASES = [
 ]
 
 
-#: Trips by "encoder against flux speed": its error grows from 30 to 150 r/min.
+#: Trips by "encoder against flux speed". Without load the flux's speed wanders under dtc2 and dtc3:
+#: in 16 s by up to 94 r/min, here by 159, and encoder_trip_rpm is 150.
 OPEN = Case("paper-b-fitted", "dtc2", 1.0, 0.5e-3, "reverse")
 
 
@@ -119,7 +120,7 @@ def test_no_manoeuvre_trips_with_a_capacitor_that_the_misfit_allows(case):
         # The shaft fed the link as long as it could.
         assert abs(sim.speed_rpm) < EXHAUSTED * SETUPS[case.setup]
     elif case == OPEN:
-        pytest.xfail("after a reversal with its torque limited the adapted resistances are wrong")
+        pytest.xfail("the flux's speed wanders by more than encoder_trip_rpm")
     else:
         assert not sim.faults, (highest_V, lowest_V)
 

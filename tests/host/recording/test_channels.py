@@ -80,3 +80,8 @@ def test_a_recording_prints_as_a_few_lines():
     assert len(names) == 4 and names[-1].endswith(" ...") and last == "meta: setup"
     assert repr(rec) == "<Recording: 50 samples at 1000 Hz, 60 channels>"
     assert str(Recording(1.0, {})) == "0 s from 0 s on: 0 samples at 1 Hz\nno channels"
+
+
+def test_a_recording_iterates_over_the_names_of_its_channels():
+    rec = Recording(8.0, Channels({"x": WHOLE, "plant.x": WHOLE}))
+    assert list(rec) == ["x", "plant.x"] and all(name in rec for name in rec)
