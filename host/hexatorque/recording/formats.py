@@ -46,6 +46,8 @@ def one_line(error: BaseException) -> str:
     """The text of an exception on one line, without the name of the file."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
+    if isinstance(error, KeyError) and error.args:
+        return f"{error.args[0]} is missing"
     return " ".join(str(error).split()) or type(error).__name__
 
 

@@ -76,6 +76,12 @@ def load(path: Path) -> Recording:
     header = contents.get("recording_json")
     if not isinstance(header, str):
         return workspace.recording(contents)
-    own = json.loads(header)["variables"]
-    channels = {name: np.reshape(contents[variable], -1) for variable, name in own.items()}
+    fields = json.loads(header)
+    own, types = fields["variables"], fields.get("types", {})
+    channels = {name: _column(contents[key], types.get(name)) for key, name in own.items()}
     return from_header(header, channels)
+
+
+def _column(samples: np.ndarray | float, kind: str | None) -> np.ndarray:
+    """The samples, (n,). scipy makes a number of Python out of a single one, which has no type."""
+    return np.reshape(np.asarray(samples, kind if np.ndim(samples) == 0 else None), -1)

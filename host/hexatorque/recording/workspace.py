@@ -114,9 +114,7 @@ def recording(contents: Mapping[str, Any]) -> Recording:
     notes = ["names, units and time are those of the variables"]
     time_s = first.times()
     if first.time:
-        name = first.time.path[-1]
-        unit_s, assumed = table.as_time(name, first.time.unit, name) or (1.0, "")
-        time_s = time_s * unit_s
+        time_s, assumed = _seconds(first.time)
         notes += [assumed] * bool(assumed)
     headings, values = [], []
     taken = {id(group.time) for group in groups}
@@ -166,10 +164,10 @@ def _groups(leaves: list[_Leaf]) -> list[_Group]:
     groups: dict[_Path, _Group] = {}
     for leaf in leaves:
         path, name = leaf.path[:-1], leaf.path[-1]
-        if leaf.values.ndim == 1 and table.is_time(name):
-            if path in groups and len(groups[path].times()) != len(leaf.values):
-                raise RecordingError(f"which is the time: {groups[path].time} or {leaf}?")
-            groups.setdefault(path, _Group(path, leaf))
+        if leaf.values.ndim == 1 and leaf.values.dtype.kind != "c" and table.is_time(name):
+            other = groups.setdefault(path, _Group(path, leaf)).time
+            if other and not _same(_seconds(other)[0], _seconds(leaf)[0]):
+                raise RecordingError(f"which is the time: {other} or {leaf}?")
     numbers = [one for one in leaves if not one.values.ndim and one.values.dtype.kind != "c"]
     timed = bool(groups)  # then a Ts may be a parameter of anything
     for leaf in numbers:
@@ -177,7 +175,7 @@ def _groups(leaves: list[_Leaf]) -> list[_Group]:
         step_s = value if _STEP.fullmatch(name) else 0.0
         if _RATE.fullmatch(name) and value > 0:
             step_s = 1 / value
-        if not timed and path not in groups and 0 < step_s < np.inf:
+        if not timed and path not in groups and 0 < step_s < np.inf and 1 / step_s < np.inf:
             groups[path] = _Group(path, None, step_s=step_s)
     for leaf in numbers:
         if _START.fullmatch(leaf.path[-1]) and leaf.path[:-1] in groups:
@@ -235,10 +233,23 @@ def _called(leaf: _Leaf, number: int, group: _Group, several: bool) -> str:
     return f"{name}.{number}" if number else name
 
 
-def _check_same(first: _Group, other: _Group) -> None:
-    a, b = first.times(), other.times()
+def _seconds(time: _Leaf) -> tuple[np.ndarray, str]:
+    """A time in s, and what was taken for granted about its unit."""
+    name = time.path[-1]
+    unit_s, assumed = table.as_time(name, time.unit, name) or (1.0, "")
+    return time.values.astype(float) * unit_s, assumed
+
+
+def _same(a: np.ndarray, b: np.ndarray) -> bool:
+    """Two times are the same, to the part of a step that a table may be off as well."""
+    if len(a) != len(b):
+        return False
     step = (a[-1] - a[0]) / max(1, len(a) - 1)
-    if len(a) != len(b) or not (abs(a - b) <= table.SLACK * abs(step)).all():
+    return bool((abs(a - b) <= table.SLACK * abs(step)).all())
+
+
+def _check_same(first: _Group, other: _Group) -> None:
+    if not _same(first.times(), other.times()):
         names = [str(one.time or ".".join(one.path) or "the variables") for one in (first, other)]
         raise RecordingError(f"{names[0]} and {names[1]} are different times: keep one in the file")
 

@@ -75,6 +75,11 @@ def test_any_saved_recording_is_read_unchanged(rec, suffix, tmp_path):
     same(rec, Recording.load(rec.save(tmp_path / f"rec{suffix}")))
 
 
+def test_a_single_sample_keeps_its_type(suffix, tmp_path):
+    rec = Recording(1.0, {kind: np.ones(1, kind) for kind in TYPES}, dict.fromkeys(TYPES, ""))
+    same(rec, Recording.load(rec.save(tmp_path / f"rec{suffix}")))
+
+
 def test_numpy_numbers_in_the_metadata(full, suffix, tmp_path):
     full.meta = {"a": np.float32(0.5), "b": np.int64(3), "c": np.arange(2), "d": tmp_path}
     read = Recording.load(full.save(tmp_path / f"rec{suffix}")).meta

@@ -104,6 +104,22 @@ def test_units_come_from_beside_the_samples(tmp_path):
         assert "a: mA are made A" in rec.notes
 
 
+def test_the_same_time_in_two_units_is_one_time(tmp_path):
+    io.savemat(tmp_path / "a.mat", {"t": TIME_S, "time_ms": 1e3 * TIME_S, "a": U})
+    rec = Recording.load(tmp_path / "a.mat")
+    np.testing.assert_allclose(rec.time_s, TIME_S)
+    np.testing.assert_array_equal(rec["a"], U)
+
+
+def test_an_own_recording_without_a_column_names_it(tmp_path):
+    Recording(RATE_HZ, {"a": U, "b": V}, {"a": "A", "b": "A"}).save(tmp_path / "a.mat")
+    kept = io.loadmat(tmp_path / "a.mat", simplify_cells=True)
+    kept.pop("b")
+    io.savemat(tmp_path / "a.mat", {n: v for n, v in kept.items() if not n.startswith("__")})
+    with pytest.raises(RecordingError, match=r"not a recording \(b is missing\)$"):
+        Recording.load(tmp_path / "a.mat")
+
+
 def test_what_is_left_out_is_named(tmp_path):
     contents = {
         "t": TIME_S, "a": U, "gains": np.arange(7.0), "z": U + 1j * V, "note": "bench 2",
@@ -129,6 +145,9 @@ WRONG = {
     "no time": ({"a": U, "b": V[:9]}, r"no time: .* there: a \(400\), b \(9\)$"),
     "nothing": ({"x": "text"}, r"no time: .* there: x \(no numbers\)$"),
     "two times": ({"t": TIME_S, "time": TIME_S[:9], "a": U}, r"which .* t \(400\) or time \(9\)\?"),
+    "twice as fast": ({"t": TIME_S, "time": 2 * TIME_S, "a": U}, "which is the time"),
+    "complex time": ({"t": TIME_S + 0j, "a": U}, r"no time: .* t \(complex, 400\), a"),
+    "too small a step": ({"Ts": 5e-324, "a": U}, "no time"),
     "different times": (
         {"x": timeseries(U), "y": {"Time": TIME_S[:9], "Data": V[:9]}},
         r"x\.Time \(400\) and y\.Time \(9\) are different times",
