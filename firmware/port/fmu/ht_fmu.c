@@ -513,19 +513,39 @@ ht_fmu_status ht_fmu_keep(const ht_fmu *f, void **to)
     return HT_FMU_OK;
 }
 
+/* FNV-1a of what follows the sum in a kept state's octets. */
+static uint32_t sum_of(const void *octets)
+{
+    const unsigned char *at = octets;
+    uint32_t sum = 2166136261u;
+    size_t k;
+    for (k = sizeof sum; k < sizeof(ht_fmu_kept); k++) {
+        sum = (sum ^ at[k]) * 16777619u;
+    }
+    return sum;
+}
+
 ht_fmu_status ht_fmu_serialize(const ht_fmu *f, const ht_fmu_kept *kept, void *octets, size_t size)
 {
+    uint32_t sum;
     if (size < sizeof *kept) {
         return ht_fmu_tell(f, HT_FMU_ERROR, "the memory for the state is too small");
     }
     memcpy(octets, kept, sizeof *kept);
+    sum = sum_of(octets);
+    memcpy(octets, &sum, sizeof sum);
     return HT_FMU_OK;
 }
 
 ht_fmu_status ht_fmu_deserialize(const ht_fmu *f, const void *octets, size_t size, void **kept)
 {
+    uint32_t sum;
     if (size != sizeof(ht_fmu_kept)) {
         return ht_fmu_tell(f, HT_FMU_ERROR, "the kept state is of another FMU");
+    }
+    memcpy(&sum, octets, sizeof sum);
+    if (sum != sum_of(octets)) {
+        return ht_fmu_tell(f, HT_FMU_ERROR, "the kept state is damaged");
     }
     if (!room(f, kept)) {
         return HT_FMU_ERROR;

@@ -81,8 +81,9 @@ typedef struct {
 
 /** A state that is kept. */
 typedef struct {
-    char token[64];
+    uint32_t sum; /**< of the rest, in the octets of a kept state only */
     uint32_t size;
+    char token[64];
     int16_t config; /**< of `drive.configs` in force, and the next one; -1: none */
     int16_t staged;
     ht_fmu_state s; /**< without pointers */

@@ -174,6 +174,17 @@ def test_a_state_of_another_fmu_is_refused(made, running):
     assert other.said == [("error", "the kept state is of another FMU")]
 
 
+@pytest.mark.parametrize("share", [0, 0.002, 0.5, 1])
+def test_a_state_that_is_damaged_is_refused(made, running, share):
+    raw = bytearray(running[0])
+    raw[round(share * (len(raw) - 1))] ^= 0x40
+    fmu = Fmu(made()[2]).begin()
+    before = fmu.outputs
+    with pytest.raises(FMICallException):
+        fmu.go_back(bytes(raw))
+    assert fmu.said == [("error", "the kept state is damaged")] and fmu.outputs == before
+
+
 def test_a_reset_begins_anew(made):
     _, _, folder = made()
     steady = [{"i_u1_A": 0.3, "vdc_V": 250.0, "run": True}] * 150
