@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..plant.edges import Edges
 from ..plant.vsd import PHASES, transform
 from ..recording.recording import Recording
@@ -132,6 +133,8 @@ def metrics(
     values (`bridge` of `losses`), None without them; input_W, shaft_W, loss_W, efficiency_pct: of
     the whole drive (`balance` of `losses`), None without edges.
     """
+    if not isinstance(rec, Recording):
+        raise InputError(f"rec = {rec!r}: a Recording is needed; Recording.load reads one")
     f1_Hz = abs(fundamental_Hz(rec))
     u1, u2 = channel(rec, "i_u1_A"), channel(rec, "i_u2_A")
 
