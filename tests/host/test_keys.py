@@ -10,6 +10,7 @@ import pytest
 
 import hexatorque
 from hexatorque import firmware, given, setups
+from hexatorque.analysis.metrics import metrics
 from hexatorque.cli import parameter_sets
 from hexatorque.cli.main import main
 from hexatorque.cli.options import schemes_given
@@ -336,7 +337,7 @@ RECORDED = hexatorque.Recording(10.0, {"a_A": np.arange(20.0), "b_V": np.ones(20
         (lambda: RECORDED.plot("a", file=3), "file = 3: the name of a file is needed"),
         (lambda: hexatorque.SimulatedDrive(PAPER_B, controller=3), "controller = 3: a Law is"),
         (lambda: hexatorque.BoardDrive("/dev/ttyUSB0"), "BoardDrive.open(PORT) connects to a"),
-        (lambda: hexatorque.metrics(3), "rec = 3: a Recording is needed"),
+        (lambda: metrics(3), "rec = 3: a Recording is needed"),
     ],
 )
 def test_a_wrong_kind_of_value_is_one_line(used, line):
