@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import re
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -68,7 +69,9 @@ def load(path: Path) -> Recording:
 
     with path.open("rb") as file:
         try:
-            contents = loadmat(file, simplify_cells=True)
+            # Of scipy 1.18 on a sparse matrix, which is left out: its class will change.
+            with warnings.catch_warnings(action="ignore"):
+                contents = loadmat(file, simplify_cells=True)
         except NotImplementedError:
             raise RecordingError(
                 "MATLAB 7.3 (HDF5) is not read: save it in MATLAB with -v7"
