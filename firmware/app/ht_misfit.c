@@ -157,7 +157,8 @@ static bool short_fits(const ht_params *p, uint16_t misfit)
     case HT_MISFIT_SHORT_SEEN:
     default:
         /* As much of the sensors' range as a trip may take. */
-        result = v[HT_P_magnets_bear_A] <= table[HT_MISFIT_I_TRIP - 1u].share * v[HT_P_i_full_A];
+        result = v[HT_P_magnets_bear_A]
+                 <= table[(uint16_t)HT_MISFIT_I_TRIP - 1u].share * v[HT_P_i_full_A];
         break;
     }
     return result;
