@@ -513,4 +513,4 @@ def test_the_page_shows_limits_and_the_log(page):
     page.click("#log summary")
     page.until("document.querySelectorAll('#log tr').length === 2")
     said = page.js("document.querySelector('#log').textContent")
-    assert "dc-link voltage too high 1" in said and "power-on" in said and "1 starts" in said
+    assert "dc-link voltage too high 1" in said and "power-on" in said and "starts 1." in said

@@ -157,5 +157,5 @@ def convert(files, new, maps, shift) -> int:
     for file, one in zip(files, recs, strict=True):
         _complain_of(file, one)
     count = len(rec.channels)
-    print(f"{rec.save(output)}: {len(rec)} samples of {count} channel{'s' * (count > 1)}")
+    print(f"{rec.save(output)}: {len(rec)} samples of {count} channel{'s' * (count != 1)}")
     return 0

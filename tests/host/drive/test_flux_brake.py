@@ -1,18 +1,21 @@
 """Flux braking: what a raised flux gains while the upper level of the dc link limits the torque,
 and that it takes no drive to a trip."""
 
-import functools
 import math
+import re
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+import scheme_choice
 from campaigns import part
 from scipy.optimize import brentq
 
-from hexatorque import SetupError, SimulatedDrive, firmware, load
-from hexatorque.setups import review
+from hexatorque import SetupError, SimulatedDrive, load
 
+ROOT = Path(__file__).resolve().parents[3]
+PAGE = ROOT / "docs" / "protection.md"
 SHARE = 0.5
 SETUPS = {"paper-a-feasible": 1215.0, "small-2kw": 2500.0}
 
@@ -83,24 +86,10 @@ def stopped(setup, most_s=12.0):
     return Stop(seconds, *most.tolist(), sim.faults)
 
 
-def _schemes(name):
-    for scheme in firmware.schemes():
-        try:
-            yield scheme, load(name).changed(controller__scheme=scheme).title
-        except SetupError:
-            continue
-
-
-@functools.cache
-def _is_ready(name, scheme):
-    setup = load(name).changed(controller__scheme=scheme)
-    return bool(review.ready_of(review.review(setup, [scheme]), [scheme]))
-
-
 CASES = [
     Case(name, scheme, knee, lm, rs)
     for name in SETUPS
-    for scheme, _ in _schemes(name)
+    for scheme in scheme_choice.allowed(name)
     for knee in (0.0, 1.2)
     for lm, rs in ((1.0, 1.0), (0.8, 1.0), (1.2, 1.0), (1.0, 0.8), (1.0, 1.2))
 ]
@@ -114,13 +103,25 @@ def test_it_stops_the_shaft_sooner_and_trips_nothing(case):
         pytest.skip(f"{plain.faults} without flux braking, too")
     if found.faults == ["over-current"]:
         # It is not the flux's fault if `check` refuses the scheme: its peak is near the trip.
-        assert not _is_ready(case.setup, case.scheme)
+        assert not scheme_choice.is_ready(case.setup, case.scheme)
         return
     assert not found.faults
     assert found.vdc_V < float(setup.parameter("vdc_max_V"))
     assert found.i_A < float(setup.parameter("i_trip_A"))
     assert 1.0 < found.flux_pu <= 1.0 + SHARE + 1e-3
     assert found.seconds < 0.97 * plain.seconds
+
+
+def test_the_example_stops_as_soon_as_the_page_tells():
+    told = re.search(r"tenth of its speed after ([\d.]+) s instead of ([\d.]+) s", PAGE.read_text())
+    setup = load(ROOT / "examples" / "brake.toml")
+    ((_, speed_rpm), (begin_s, _)) = setup["profile.speed_rpm"]
+    for share, seconds in zip((SHARE, 0.0), told.groups()):
+        sim = SimulatedDrive(setup.changed(controller__flux_brake_share=share))
+        sim.run_profile(setup.profile)
+        rec = sim.take()
+        below = (rec.time_s > begin_s) & (rec["speed_rpm"] < 0.1 * speed_rpm)
+        assert rec.time_s[below][0] - begin_s == pytest.approx(float(seconds), abs=0.06)
 
 
 @pytest.mark.parametrize("name", SETUPS)

@@ -1,17 +1,16 @@
 """The drive keeps its dc link below the trip when it brakes into a capacitor, and above the other
 one while its source is away, under every scheme and with both kinds of machine."""
 
-import functools
 import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+import scheme_choice
 from campaigns import part
 
-from hexatorque import SetupError, SimulatedDrive, firmware, load, setups
-from hexatorque.setups import review
+from hexatorque import SimulatedDrive, firmware, load, setups
 
 #: Levels as shares of the source's voltage: in reach of the derived trips.
 HIGH, LOW = 1.25, 0.8
@@ -34,19 +33,10 @@ class Case(NamedTuple):
     manoeuvre: str | float
 
 
-def _schemes(name):
-    """Those that the set-up's machine and timing allow."""
-    for scheme in firmware.schemes():
-        try:
-            yield scheme, load(name).changed(controller__scheme=scheme).title
-        except SetupError:
-            continue
-
-
 CASES = [
     Case(name, scheme, *rest)
     for name in SETUPS
-    for scheme, _ in _schemes(name)
+    for scheme in scheme_choice.allowed(name)
     for rest in itertools.product((1.0, 3.0), (0.0, 0.5e-3), MANOEUVRES)
 ]
 
@@ -115,7 +105,7 @@ def test_no_manoeuvre_trips_with_a_capacitor_that_the_misfit_allows(case):
     sim, highest_V, lowest_V = driven(case)
     if sim.faults == ["over-current"]:
         # It is not the link's fault if `check` refuses the scheme: its peak is near the trip.
-        assert not _is_ready(case.setup, case.scheme)
+        assert not scheme_choice.is_ready(case.setup, case.scheme)
     elif sim.faults == ["dc-link voltage too low"]:
         # The shaft fed the link as long as it could.
         assert abs(sim.speed_rpm) < EXHAUSTED * SETUPS[case.setup]
@@ -157,12 +147,6 @@ def test_a_torque_that_ends_at_0_above_the_upper_level_trips(case, monkeypatch):
     assert driven(case)[0].faults == ["dc-link voltage too high"]
 
 
-@functools.cache
-def _is_ready(name, scheme):
-    setup = load(name).changed(controller__scheme=scheme)
-    return bool(review.ready_of(review.review(setup, [scheme]), [scheme]))
-
-
 BRAKE = Case("paper-a-feasible", "ddr", 3.0, 0.5e-3, "brake")
 DIP = Case("paper-a-feasible", "ddr", 3.0, 0.5e-3, 0.3)
 
@@ -176,7 +160,7 @@ def test_without_the_upper_level_braking_trips_within_40_ms():
 CATCHES = [
     (name, scheme, share)
     for name in ("paper-a-feasible", "paper-b", "small-2kw", "large-110kw")
-    for scheme, _ in _schemes(name)
+    for scheme in scheme_choice.allowed(name)
     if scheme in ("ddr", "db-dtfc", "foc")
     for share in (0.5, 1.0, -1.5)
 ]

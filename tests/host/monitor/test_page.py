@@ -417,15 +417,17 @@ def test_no_words_lie_on_others(page, wide):
             assert found == [], (view, state, faults)
 
 
-#: Choices that are longer than the room for them beside the arrow.
-CUT_OFF = """[...document.querySelectorAll('select')].flatMap((e) => {
+#: Options, and words that stand in empty fields, that are not whole.
+CUT_OFF = """[...document.querySelectorAll('select, input')].flatMap((e) => {
   if (!e.checkVisibility()) return [];
   const style = getComputedStyle(e);
   const pen = document.createElement('canvas').getContext('2d');
   pen.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
-  const room = e.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight) - 20;
-  return [...e.options].filter((o) => pen.measureText(o.text).width > room)
-    .map((o) => `${e.id || e.getAttribute('aria-label')}: ${o.text}`);
+  const arrow = e.options ? 20 : 0;
+  const room = e.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight);
+  return (e.options ? [...e.options].map((o) => o.text) : [e.placeholder])
+    .filter((text) => pen.measureText(text).width > room - arrow)
+    .map((text) => `${e.id || e.name || e.getAttribute('aria-label')}: ${text}`);
 })"""
 
 
@@ -435,6 +437,9 @@ def test_choices_are_read_whole(page, wide):
     for panel in ("drive", "channels", "parameters", "capture"):
         tab(page, panel)
         assert page.js(CUT_OFF) == [], panel
+    page.click("#see-guide")
+    page.until("document.querySelector('#guide-form')")
+    assert page.js(CUT_OFF) == []
 
 
 def test_the_page_says_whether_a_recording_began_or_ended(page):
@@ -595,7 +600,7 @@ def test_the_log_of_the_board_is_read_when_it_is_opened(page, monitor):
     assert row[1:] == ["trip", over], row
     kept = monitor.get("/log")[1]
     said = page.js("document.querySelector('#log p').textContent")
-    assert f"{kept['starts']} starts" in said and f"{over} {kept['trips'][over]}" in said
+    assert f"starts {kept['starts']}." in said and f"{over} {kept['trips'][over]}" in said
     assert kept["events"][0]["causes"] == [over]
     monitor.post("/write", {"values": {"vdc_max_V": 400}})
     page.click("#clear")

@@ -47,9 +47,9 @@ export function commissioning(the_device, stop) {
       make("input", { name, inputMode: "decimal", spellcheck: false, placeholder, value: device.choices[name]?.initial || "" }),
       make("span", { textContent: unit }))));
   const form = make("form", { id: "guide-form", autocomplete: "off" },
-    make("p", { textContent: "It measures wiring, machine and load. The gates switch, and the shaft turns in some steps. "
+    make("p", { textContent: "The commissioning measures wiring, machine and load. The gates switch, and the shaft turns in some steps. "
       + "Before each step the gates are off. The page describes the step, and waits for you." }),
-    make("fieldset", {}, make("legend", { textContent: "steps; those that they need are added" }), ...boxes),
+    make("fieldset", {}, make("legend", { textContent: "steps; each adds the steps that it needs" }), ...boxes),
     make("fieldset", { className: "choices" }, make("legend", { textContent: "limits" }), ...fields),
     make("button", { type: "submit", className: "primary", id: "guide-begin", textContent: "Begin" }));
   form.addEventListener("submit", (event) => { event.preventDefault(); begin(form); });

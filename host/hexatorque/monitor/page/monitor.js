@@ -787,7 +787,7 @@ async function fetchLog() {
   }, make("td", { textContent: clock(one.powered_s) }), make("td", { textContent: one.event }), make("td", { textContent: one.causes.join(", ") })));
   box.replaceChildren(
     make("p", { className: "hint", textContent:
-      `Powered ${clock(found.powered_s)}, gates on ${clock(found.gates_s)}, ${found.starts} starts. ` +
+      `Powered ${clock(found.powered_s)}, gates on ${clock(found.gates_s)}, starts ${found.starts}. ` +
       `Largest: ${show(found.vdc_V)} V, ${show(found.current_A)} A, ${show(found.speed_rpm)} r/min, ${show(found.winding_degC)} degC. ` +
       `Trips: ${trips || "none"}.${found.kept ? "" : " Lost with the power."}` }),
     make("table", {}, make("tbody", {}, ...rows)));
