@@ -26,7 +26,7 @@ CHANNELS = (
 SPEED = "#quick input[aria-label=speed_ref_rpm]"
 BEFORE_RPM, AFTER_RPM = 200, 400
 TRIP_RPM, TOO_FAST_RPM = 500, 600
-SETTLE_S, SHOWN_S = 4.0, 1.6
+SETTLE_S, SHOWN_S, ROWS_S = 4.0, 1.6, 0.5
 
 
 def hexatorque(*words: object) -> subprocess.Popen:
@@ -78,6 +78,7 @@ def draw_log(page: Page, picture: Path) -> None:
     page.click("[role=tab][data-panel=fault]")
     page.click("#log summary")
     page.until("document.querySelectorAll('#log tr').length > 1")
+    time.sleep(ROWS_S)  # the fault's rows come above it
     page.js("document.querySelector('#log').scrollIntoView()")
     page.picture(picture)
 
