@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from chromium import Chromium, program
+from chromium import CUT_OFF, Chromium, program
 from waiting import until
 
 import web
@@ -478,6 +478,11 @@ def reloaded(page, expression):
             return False
 
     until(there)
+
+
+@needs_chromium
+def test_choices_are_read_whole(page):
+    assert page.js(CUT_OFF) == []
 
 
 @needs_chromium

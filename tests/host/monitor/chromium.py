@@ -17,6 +17,19 @@ from pathlib import Path
 
 from waiting import WAIT_S
 
+#: Options, and words that stand in empty fields, that are not whole.
+CUT_OFF = """[...document.querySelectorAll('select, input')].flatMap((e) => {
+  if (!e.checkVisibility()) return [];
+  const style = getComputedStyle(e);
+  const pen = document.createElement('canvas').getContext('2d');
+  pen.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
+  const arrow = e.options ? 20 : 0;
+  const room = e.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight);
+  return (e.options ? [...e.options].map((o) => o.text) : [e.placeholder])
+    .filter((text) => pen.measureText(text).width > room - arrow)
+    .map((text) => `${e.id || e.name || e.getAttribute('aria-label')}: ${text}`);
+})"""
+
 #: Texts whose contrast with what is behind them is below 4.5 (WCAG 2.1, level AA).
 PALE = """(() => {
   const parts = (colour) => {

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from chromium import PALE, program
+from chromium import CUT_OFF, PALE, program
 from waiting import WAIT_S, until
 
 pytestmark = pytest.mark.skipif(program() is None, reason="no chromium: apt-get install chromium")
@@ -415,20 +415,6 @@ def test_no_words_lie_on_others(page, wide):
         for state, faults in itertools.product(("calibrate", "unplugged", "fault"), causes):
             found = page.js(f"{LAID_OUT}({state!r}, {faults!r})")
             assert found == [], (view, state, faults)
-
-
-#: Options, and words that stand in empty fields, that are not whole.
-CUT_OFF = """[...document.querySelectorAll('select, input')].flatMap((e) => {
-  if (!e.checkVisibility()) return [];
-  const style = getComputedStyle(e);
-  const pen = document.createElement('canvas').getContext('2d');
-  pen.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
-  const arrow = e.options ? 20 : 0;
-  const room = e.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight);
-  return (e.options ? [...e.options].map((o) => o.text) : [e.placeholder])
-    .filter((text) => pen.measureText(text).width > room - arrow)
-    .map((text) => `${e.id || e.name || e.getAttribute('aria-label')}: ${text}`);
-})"""
 
 
 @pytest.mark.parametrize("wide", [1024, 1440])

@@ -9,7 +9,7 @@ export function plant({ setup, setups, phases, load_Nm, open }) {
   const box = (words, ...fields) => make("div", { className: "quick" },
     make("label", {}, make("span", { textContent: words }), ...fields));
   const choice = make("select", { id: "plant-setup", title: "another set-up begins anew" },
-    ...setups.map(({ name, title }) => new Option(`${name}: ${title}`, name, false, name === setup)));
+    ...setups.map(({ name }) => new Option(name, name, false, name === setup)));
   choice.addEventListener("change", () => {
     location.hash = choice.value;
     location.reload();
@@ -25,7 +25,8 @@ export function plant({ setup, setups, phases, load_Nm, open }) {
     input.addEventListener("change", () => order("/plant", { open: { [phase]: input.checked } }));
     return make("label", {}, input, make("span", { textContent: phase }));
   });
-  $("quick").before(box("set-up", choice));
+  const { title } = setups.find(({ name }) => name === setup);
+  $("quick").before(box("set-up", choice), make("p", { className: "hint", textContent: title }));
   $("quick").after(
     box("load", make("span", { className: "field" }, load, make("span", { textContent: "N m" }))),
     make("fieldset", { id: "plant-open" }, make("legend", { textContent: "open windings" }), ...windings));
