@@ -75,6 +75,7 @@ def calibrate(x, at):
     found["read of no address"] = refused(x.shortUpload, 4, 0x9000)
     found["still"] = get(at["speed_ref_rpm"])
     found["vdc_V"] = get(at["vdc_V"])
+    found["initial"] = get(at["kp_speed_Nms_rad"])
     put(at["kp_speed_Nms_rad"], 0.75)
     x.setCalPage(0x02, 0, 1)
     found["kept"] = get(at["speed_ref_rpm"])
