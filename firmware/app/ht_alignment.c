@@ -3,7 +3,8 @@
 /* Directions of the current: a quarter of a turn apart. */
 #define ASIDE 3u
 #define ALONG 0u
-/* Share of the time for which the rotor is pulled aside. */
+/* Share of the time for which the rotor is pulled aside. In its second half the swing is looked at. With
+ * little friction it is still large, and where it happens to be at the end tells little. */
 #define ASIDE_SHARE 0.4f
 /* A rotor that moves by less than 1.5 degrees in a quarter of the time is at rest. */
 #define REST_TURNS (1.0f / 240.0f)
@@ -21,11 +22,25 @@ static uint32_t share(uint32_t whole, float part)
     return (uint32_t)counts;
 }
 
-/* Shortest way between two angles. */
+/* Shortest way from one angle to another. */
+static int32_t way_to(uint32_t to, uint32_t from, uint32_t counts_rev)
+{
+    int32_t whole = (int32_t)counts_rev;
+    int32_t way = (int32_t)to - (int32_t)from;
+    if (way > (whole / 2)) {
+        way -= whole;
+    } else if (way < -(whole / 2)) {
+        way += whole;
+    } else {
+        /* is the shortest */
+    }
+    return way;
+}
+
 static uint32_t apart(uint32_t a, uint32_t b, uint32_t counts_rev)
 {
-    uint32_t way = (a > b) ? (a - b) : (b - a);
-    return (way > (counts_rev / 2u)) ? (counts_rev - way) : way;
+    int32_t way = way_to(a, b, counts_rev);
+    return (uint32_t)((way < 0) ? -way : way);
 }
 
 /* Angle of a direction. */
@@ -60,7 +75,8 @@ uint32_t ht_electrical(uint32_t electrical, int32_t moved, uint16_t pole_pairs, 
 static void look(ht_alignment_state *st, uint32_t end)
 {
     st->lookout = st->electrical;
-    st->swing = 0u;
+    st->least = 0;
+    st->most = 0;
     st->end = end;
 }
 
@@ -92,15 +108,20 @@ static ht_alignment judged(const ht_alignment_config *cfg, ht_alignment_state *s
 ht_alignment ht_alignment_step(const ht_alignment_config *cfg, ht_alignment_state *st,
                                uint32_t tick)
 {
-    uint32_t swing = apart(st->electrical, st->lookout, cfg->counts_rev);
-    st->swing = (swing > st->swing) ? swing : st->swing;
+    uint32_t rest = share(cfg->counts_rev, REST_TURNS) + 2u * (uint32_t)cfg->pole_pairs;
+    int32_t way = way_to(st->electrical, st->lookout, cfg->counts_rev);
+    st->least = (way < st->least) ? way : st->least;
+    st->most = (way > st->most) ? way : st->most;
     if (cfg->known
         && (apart(st->electrical, angle_of(cfg, st->direction), cfg->counts_rev)
             > share(cfg->counts_rev, AWAY_TURNS))) {
         return HT_NOT_ALIGNED;
     }
+    if (!cfg->known && (tick == share(cfg->ticks, 0.5f * ASIDE_SHARE))) {
+        look(st, cfg->ticks);
+    }
     if (!cfg->known && (tick == share(cfg->ticks, ASIDE_SHARE))) {
-        st->aside = st->electrical;
+        st->aside = ht_electrical(st->lookout, (st->least + st->most) / 2, 1u, cfg->counts_rev);
         st->direction = ALONG;
     }
     if (tick == (cfg->ticks - cfg->ticks / 4u)) {
@@ -109,7 +130,7 @@ ht_alignment ht_alignment_step(const ht_alignment_config *cfg, ht_alignment_stat
     if (tick < st->end) {
         return HT_ALIGNING;
     }
-    if (st->swing <= (share(cfg->counts_rev, REST_TURNS) + 2u * (uint32_t)cfg->pole_pairs)) {
+    if (((uint32_t)st->most <= rest) && ((uint32_t)-st->least <= rest)) {
         return judged(cfg, st);
     }
     look(st, st->end + cfg->ticks / 4u);

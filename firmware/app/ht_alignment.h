@@ -4,7 +4,7 @@
  *  "align": direct current pulls the d axis to 105 degrees, then to 15 degrees; to 90 and to 0 where the
  *  winding's sets are not 30 degrees apart. So a rotor that stood
  *  exactly against the current at first is pulled all the same, and the encoder must show a quarter of
- *  an electrical turn backwards. "known": the encoder's count tells the angle. Direct current pulls the
+ *  an electrical turn backwards, from the middle of its swing. "known": the encoder's count tells the angle. Direct current pulls the
  *  rotor to the nearest of twelve directions, where the count must show it within 30 degrees; beyond 60 it
  *  ends at once, so a wrong angle is found before the rotor has made a quarter of an electrical turn. Either
  *  way the rotor swings for a while, and the drive waits until it rests.
@@ -24,10 +24,11 @@ typedef struct {
 
 typedef struct {
     uint32_t electrical; /**< angle of the d axis, 0..counts_rev - 1; the caller turns it on */
-    uint32_t aside;      /**< the same when it was pulled aside */
-    uint32_t lookout;    /**< and at the beginning of the latest quarter of the time */
-    uint32_t swing;      /**< largest distance from there since then */
-    uint32_t end;        /**< tick at which this quarter ends */
+    uint32_t aside;      /**< the same while it was pulled aside: the middle of its swing */
+    uint32_t lookout;    /**< the same when the latest look began */
+    int32_t least;       /**< furthest way from there since then, 0 or less */
+    int32_t most;        /**< and the other way, 0 or more */
+    uint32_t end;        /**< tick at which this look ends */
     uint16_t direction;  /**< of the current, as ht_control_align has it */
 } ht_alignment_state;
 

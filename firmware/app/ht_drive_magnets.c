@@ -12,9 +12,14 @@ static float most_flux_Wb(const ht_drive *d, const ht_drive_config *c, float mos
     float least_Wb = m->psi_f_Wb - m->ld_H * most_A;
     float most_Wb = c->params.v[HT_P_flux_ref_Wb];
     if (c->params.v[HT_P_field_weakening] != 0.0f) {
-        float turned_Wb = ht_magnet_turned_Wb(
-            c->flux.reach_pu * d->in.vdc_V, d->control.observer.omega_sync_rad_s,
-            d->control.observer.rs_ohm, torque_Nm, m->torque_gain);
+        /* The drop of a torque that brakes would leave voltage for more flux. It is not there yet while the
+         * torque rises, and is less than believed with a cold winding. Where the voltage lacks, the flux
+         * stays behind the magnets, which is more torque than asked, up to beyond the pull-out. */
+        float omega_rad_s = d->control.observer.omega_sync_rad_s;
+        bool drives = (torque_Nm * omega_rad_s) > 0.0f;
+        float turned_Wb = ht_magnet_turned_Wb(c->flux.reach_pu * d->in.vdc_V, omega_rad_s,
+                                              d->control.observer.rs_ohm, drives ? torque_Nm : 0.0f,
+                                              m->torque_gain);
         most_Wb = ht_smaller(turned_Wb, most_Wb);
     }
     least_Wb = (least_Wb > c->flux.flux_min_Wb) ? least_Wb : c->flux.flux_min_Wb;

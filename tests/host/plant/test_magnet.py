@@ -192,6 +192,27 @@ def test_floating_legs_carry_no_current():
     assert switch(inv, m, NO_LOAD, y, 300.0, legs, rng.uniform(1e-6, 60e-6, 400)) < 1e-4
 
 
+@pytest.mark.parametrize("rail", [1, -1])
+def test_currents_of_rounding_against_their_diodes_do_not_stop_the_time(rail):
+    """A zero is located to 1e-9 of the current's change, so that 2e-10 A may be left against a diode
+    that conducts, and after a thousand radians the angle's rounding is as much. Where two other
+    diodes end at the same instant, this must not keep the simulation there."""
+    p = replace(SURFACE, cogging_Nm=0.0)
+    coils, m = Coils(p), make(p)
+    k, i, planes = np.empty(8), np.empty(6), np.empty(4)
+    for seed in range(400):
+        rng = np.random.default_rng(seed)
+        inv = inverter_record(displacement_deg=p.displacement_deg)
+        at, left = FREE @ rng.normal(0, 4, 4), rng.normal(0, 2e-10, 3)
+        at[::2] = left - left.mean()
+        y = coils.state(at, rng.normal(0, 8), rng.uniform(1e3, 1e4))
+        switch(inv, m, NO_LOAD, y, 20.0, np.array([[OFF, LOW, OFF, HIGH, OFF, LOW]]), np.zeros(1))
+        inv.diode[::2] = rail
+        advance(inv, m, NO_LOAD, y, 5e-6, 20.0, 4)
+        instant(m, NO_LOAD, y, np.zeros(4), k, i, planes)
+        assert np.all(i[::2] * inv.diode[::2] > -1e-9)
+
+
 def test_least_current_is_the_least():
     """Against a search over all i_d."""
     for p in (INTERIOR, SURFACE):

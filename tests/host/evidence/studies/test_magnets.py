@@ -71,6 +71,22 @@ def test_no_speed_is_asked_at_which_the_magnets_drive_current_by_themselves():
         assert told.fast * told.speed_rpm < p.ceiling_rpm(true.sheet["vdc_V"])
 
 
+@pytest.mark.parametrize(
+    "number",
+    [
+        # The flux fell behind the magnets beyond the pull-out while they braked in field weakening.
+        7,
+        45,
+        # So little friction that the rotor still swings when the current turns to the second angle.
+        73,
+        82,
+    ],
+)
+def test_machines_that_a_drive_once_lost_are_driven(number):
+    found = machines.row(number, magnets.WAY)
+    assert found["tried"][found["written"]]["reason"] == ""
+
+
 def test_no_torque_is_left_where_all_current_weakens():
     """The search ends at a current along the d axis alone, whatever its last place."""
     _, p = of(14)
