@@ -21,6 +21,7 @@ from .derived import (
     F_ISR_FAST_HZ,
     I_TRIP_SHARE,
     LEAST_INERTIA,
+    OPEN,
     UNTOLD_EMF,
     WRITTEN_WITHIN,
     Known,
@@ -618,6 +619,13 @@ def _currents(d: Design) -> Iterator[Finding]:
         "flux_check against the current's ripple, in no-load currents",
         p("flux_check") if p("flux_check") > 0 else math.inf, d.ripple, "",
         f"raise controller.flux_check: sigma is {d.sigma:.3g}, or raise controller.f_isr_Hz",
+    )  # fmt: skip
+    derived_rpm = OPEN["encoder_trip_rpm"].value(Known(d.setup, parameters(d.setup)))
+    yield at_least(
+        "encoder_trip_rpm against the rated slip",
+        p("encoder_trip_rpm") if p("encoder_trip_rpm") > 0 else math.inf, derived_rpm, "r/min",
+        f"set controller.encoder_trip_rpm = {math.ceil(derived_rpm)}: the slip is as wrong as R_r, "
+        "and without load the flux's speed wanders", "note",
     )  # fmt: skip
 
 

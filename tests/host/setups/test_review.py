@@ -76,6 +76,23 @@ def sagging(volts, **changes):
     return review(setups.parse(text, "x").changed(**changes), ["foc"])
 
 
+def test_a_check_of_the_encoder_that_is_finer_than_the_slip_is_noted_with_the_derived_value():
+    subject = "encoder_trip_rpm against the rated slip"
+    small = setups.load("small-2kw")
+    derived_rpm = small.parameter("encoder_trip_rpm")
+    m, torque_Nm = Design(small, small.parameter).machine, small["rated.torque_Nm"]
+    field_Wb = small.parameter("flux_ref_Wb") * m.lm_H / m.ls_H  # the rotor's, without load
+    little_rpm = 10 / math.pi * torque_Nm * m.rr_ohm / field_Wb**2 / m.pole_pairs**2
+    assert derived_rpm > 3 * little_rpm
+    for rpm, verdict in ((derived_rpm, "ok"), (0.0, "ok"), (derived_rpm - 1, "note")):
+        found = review(small.changed(controller__encoder_trip_rpm=rpm), [])
+        (of,) = (f for f in found if f.subject == subject)
+        assert of.verdict == verdict
+    assert f"encoder_trip_rpm = {math.ceil(derived_rpm)}:" in of.advice
+    assert verdicts(setups.load("paper-b-fitted"))[subject] == "ok"
+    assert verdicts(setups.load("paper-b"))[subject] == "note"
+
+
 @pytest.mark.parametrize(
     ("volts", "subject", "limit"),
     [

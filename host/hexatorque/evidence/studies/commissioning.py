@@ -27,7 +27,7 @@ from ...drive.simulated import SimulatedDrive
 from ...errors import HexatorqueError
 from ...experiments.operating_points import Progress
 from ...parallel import in_order
-from ...plant.vsd import INVERSE, PHASES
+from ...plant.vsd import PHASES, inverse
 from ...setups import Setup
 from ...setups.design import Design
 from . import plates
@@ -100,7 +100,7 @@ class Watched(SimulatedDrive):
     def _run_chunk(self, n: int, record: bool) -> None:
         self.discard()
         super()._run_chunk(n, True)
-        phases = self._samples.plant.filled()[:, :4] @ INVERSE.T
+        phases = self._samples.plant.filled()[:, :4] @ inverse(self.machine.displacement_deg).T
         self.largest_A = max(self.largest_A, float(np.abs(phases).max()))
 
 

@@ -38,6 +38,8 @@ HEALTHY, FOUND = 0.97, 0.95
 WRONG = 0.3
 #: Top speed over the one that the scheme's voltage reaches with the full field.
 TOP = 1.4
+#: Of the speed trip; the shaft is faster for a moment when its load drops.
+BELOW_TRIP = 0.9
 #: Share of the torque limit in force by which the machine is loaded in field weakening.
 LOAD = 0.6
 SETTLED, LOOK_S = 0.03, 0.01
@@ -54,13 +56,17 @@ def prepared(setup: Setup, scheme: str) -> tuple[Setup, float]:
     """The set-up with which a machine is driven into field weakening, and how fast, r/min."""
     row = firmware.lib.ht_scheme_describe(firmware.schemes().index(scheme))
     design = Design(setup, setup.parameter)
-    top_rpm = TOP * design.base_rpm(row.reach_pu)
+    top_rpm = TOP * design.base_rpm(design.reach_pu(row.reach_pu))
+    trip_rpm = 2 * top_rpm
+    if design.magnets:  # they must not drive current without gates
+        trip_rpm = setup.parameter("speed_trip_rpm")
+        top_rpm = min(top_rpm, BELOW_TRIP * trip_rpm)
     return setup.with_scheme(
         scheme,
         timing__latency="predicted",
         load__kind="constant",
         controller__field_weakening="on",
-        controller__speed_trip_rpm=2 * top_rpm,
+        controller__speed_trip_rpm=trip_rpm,
     ), top_rpm
 
 
