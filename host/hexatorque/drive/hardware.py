@@ -78,8 +78,11 @@ class Hardware:
         self.machine = model.Parameters(**setup.machine_values())
         self._machine = model.make(self.machine)
         heat = {key: setup[f"heat.{key}"] for key in KEYS["heat"]}
+        self.inverter = parts.inverter(
+            setup, self.machine.phase_of_leg, self._machine, self.controller.port
+        )
         #: Temperatures of the machine, if the set-up has `heat.winding_K_W`.
-        self.bodies = Bodies(heat, self.machine, model.make, self._machine)
+        self.bodies = Bodies(heat, self.machine, model.make, self._machine, self.inverter)
         self._unheated = 0  # periods whose losses have not reached the bodies yet
         self._swing_per_s = parts.swing_per_s(setup, self._machine, setup.parameter("flux_ref_Wb"))
         self._friction_Nms = parts.friction_Nms(setup)
@@ -87,9 +90,6 @@ class Hardware:
         self._timing = parts.timing(setup, self.controller, self._windings_step_s)
         self._instants = sample_instants(samples_per_period, counts)
         self.plant_state = model.initial(self._machine)
-        self.inverter = parts.inverter(
-            setup, self.machine.phase_of_leg, self._machine, self.controller.port
-        )
         energies = {key: setup[f"inverter.{key}"] for key in SWITCHING}
         #: Temperatures of the devices, if the set-up has `heat.switch_K_W` or `diode_K_W`.
         self.junctions = Junctions(heat, self.inverter, energies)

@@ -7,8 +7,8 @@ The winding has six parts, one on each leg. The frame has the iron and the rotor
 
 with C = winding_s/R and C_f = frame_s/R_f. R_s and R_r grow with the temperatures of their bodies.
 
-The compiled loop adds up the losses (`add_heat`). Every few milliseconds, outside of its steps, the
-bodies advance under their means, exactly, and the machine gets its resistances.
+The compiled loop integrates the losses (meter.py). Every few milliseconds, outside of its steps,
+the bodies advance under their means, exactly, and the machine gets its resistances.
 """
 
 from __future__ import annotations
@@ -19,52 +19,14 @@ from typing import Any
 
 import numpy as np
 
-from .compiled import compiled
-from .machine import losses, phase_current
+from .meter import IRON_J, LEG_A2S, ROTOR_V2S
 from .record import names_of
-
-HEAT = np.dtype(
-    [
-        ("on", "i8"),  # 0: temperatures are not followed
-        ("rr_ohm", "f8"),
-        ("i_A", "f8", (6,)),  # at the end of the latest step: phase currents on the legs
-        ("rotor_A", "f8", (2,)),
-        ("iron_W", "f8"),
-        ("i2_A2s", "f8", (6,)),  # integrals of their squares, of the rotor's, and of iron_W
-        ("rotor2_A2s", "f8"),
-        ("iron_J", "f8"),
-        ("now_A", "f8", (2,)),
-        ("winding_degC", "f8"),  # of the hottest part, and of the frame: for a record
-        ("frame_degC", "f8"),
-    ]
-)
 
 #: Change of the resistances per kelvin, relative to those at 20 degC: copper. Aluminium's is the
 #: same within 3 %.
 PER_K = 0.00393
 #: Real time between two steps of the bodies.
 STEP_S = 5e-3
-
-
-@compiled
-def add_heat(m, y, dt):
-    """Add the losses of a step that ends with the state y. Between two edges a current is nearly a
-    straight line from a to b, whose square's integral is dt (a^2 + a b + b^2)/3."""
-    h = m.heat
-    share = dt / 3.0
-    for leg in range(6):
-        a = h.i_A[leg]
-        b = phase_current(m, y, leg)
-        h.i2_A2s[leg] += share * (a * a + a * b + b * b)
-        h.i_A[leg] = b
-    iron_W = losses(m, y, h.now_A)
-    for axis in range(2):
-        a = h.rotor_A[axis]
-        b = h.now_A[axis] / h.rr_ohm
-        h.rotor2_A2s += share * (a * a + a * b + b * b)
-        h.rotor_A[axis] = b
-    h.iron_J += 0.5 * dt * (h.iron_W + iron_W)
-    h.iron_W = iron_W
 
 
 def warmer(ohm: Any, degC: Any, stated_degC: float) -> Any:
@@ -79,18 +41,21 @@ class Bodies:
     the losses have brought so far, and what has gone to the ambient.
     """
 
-    def __init__(self, values: Mapping[str, float], machine: Any, make: Callable, m: Any) -> None:
-        """values: the set-up's section [heat]; machine: the constants of which `make` makes m."""
+    def __init__(
+        self, values: Mapping[str, float], machine: Any, make: Callable, m: Any, inverter: np.record
+    ) -> None:
+        """values: the set-up's section [heat]; machine: the constants of which `make` makes m;
+        inverter: the record whose meter integrates the losses."""
         self.on = values["winding_K_W"] > 0
         self._values, self._machine, self._make, self._m = values, machine, make, m
+        self._inverter, self._rr_ohm = inverter, getattr(machine, "rr_ohm", 1.0)
         self._lapse = values["time_lapse"]
         self._steps: dict[float, np.ndarray] = {}
         self.winding_degC = np.full(6, float(values["ambient_degC"]))
         self.frame_degC = float(values["ambient_degC"])
         self.heat_J = self.ambient_J = 0.0
-        m.heat.on = int(self.on)
-        m.heat.rr_ohm = getattr(machine, "rr_ohm", 1.0)
         if self.on:
+            inverter.meter.on = 1
             self._warm()
 
     @property
@@ -115,12 +80,12 @@ class Bodies:
         changed: dict[str, Any] = {"drs_ohm": tuple(added)}
         if hasattr(p, "rr_ohm"):
             changed["rr_ohm"] = warmer(p.rr_ohm, self.frame_degC, self._values["ohm_degC"])
-            self._m.heat.rr_ohm = changed["rr_ohm"]
-        self._m.heat.winding_degC = self.winding_degC.max()
-        self._m.heat.frame_degC = self.frame_degC
+            self._rr_ohm = changed["rr_ohm"]
+        self._inverter.winding_degC = self.winding_degC.max()
+        self._inverter.frame_degC = self.frame_degC
         made = self._make(replace(p, **changed))
         for name in names_of(made.dtype):
-            if name not in ("heat", "inertia"):  # a brake may hold the shaft
+            if name != "inertia":  # a brake may hold the shaft
                 self._m[name] = made[name]
 
     def _step(self, time_s: float) -> np.ndarray:
@@ -147,12 +112,10 @@ class Bodies:
 
     def advance(self, time_s: float) -> None:
         """The losses that have been added up belong to this time."""
-        h = self._m.heat
-        ohm = self._ohm()
-        frame_J = float(3 * h.rr_ohm * h.rotor2_A2s + h.iron_J)
-        watts = np.append(ohm * h.i2_A2s, frame_J) / time_s
-        h.i2_A2s = 0.0
-        h.rotor2_A2s = h.iron_J = 0.0
+        x = self._inverter.meter.x
+        frame_J = 3 * x[ROTOR_V2S] / self._rr_ohm + x[IRON_J]
+        watts = np.append(self._ohm() * x[LEG_A2S : LEG_A2S + 6], frame_J) / time_s
+        x[LEG_A2S : LEG_A2S + 6] = x[ROTOR_V2S] = x[IRON_J] = 0.0
         ambient = self._values["ambient_degC"]
         rises = np.append(self.winding_degC, self.frame_degC) - ambient
         lapse_s = time_s * self._lapse

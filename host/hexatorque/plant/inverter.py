@@ -69,6 +69,7 @@ from .machine import (
     phase_current_slope,
     rk4_step,
 )
+from .meter import METER, accept_meter, add_powers, begin_meter
 from .vsd import transform
 from .wires import STRAIGHT
 
@@ -144,7 +145,9 @@ FLOATING = np.dtype(
     ]
 )
 #: What `keep` has saved.
-KEPT = np.dtype([("y", "f8", (8,)), ("diode", "i8", (6,)), ("open_s", "f8", (6,))])
+KEPT = np.dtype(
+    [("y", "f8", (8,)), ("diode", "i8", (6,)), ("open_s", "f8", (6,)), ("metered", "i8")]
+)
 #: `leg` and `diode` are the state. The other fields are constants and work space.
 INVERTER = np.dtype(
     [
@@ -157,7 +160,12 @@ INVERTER = np.dtype(
         ("devices", DEVICES),
         ("link", LINK),
         ("junctions", JUNCTIONS),
-        ("brake_Nm", "f8"),  # what the shaft's brake holds: for a record
+        ("meter", METER),
+        # For a record: what the shaft's brake holds, temperatures of the winding's hottest part
+        # and of the frame.
+        ("brake_Nm", "f8"),
+        ("winding_degC", "f8"),
+        ("frame_degC", "f8"),
         ("more", "i8"),  # whether a record has `loop.MORE_CHANNELS`
         ("transform", "f8", (4, 6)),  # leg voltages to alpha, beta, x, y: how the leads are
         ("star", "i8", (6,)),  # the star point behind each leg, 0 or 1
@@ -370,13 +378,18 @@ def _subtract_drops(inv, m, y, vdc):
         arcs = inv.contact.broken[leg] == OPEN and inv.diode[leg] != 0
         if arcs:
             state = inv.command[leg]
+        device = UPPER_DIODE
+        inv.meter.drop_V[leg] = 0.0
         if state == OFF:
             if inv.diode[leg] > 0:
+                device = LOWER_DIODE
                 drop_V = inv.devices.v_V[leg, LOWER_DIODE]
                 inv.v_leg[leg] = -drop_V - inv.devices.r_ohm[leg, LOWER_DIODE] * i
+                inv.meter.drop_V[leg] = -inv.v_leg[leg]
             elif inv.diode[leg] < 0:
                 drop_V = inv.devices.v_V[leg, UPPER_DIODE]
                 inv.v_leg[leg] = vdc + drop_V - inv.devices.r_ohm[leg, UPPER_DIODE] * i
+                inv.meter.drop_V[leg] = vdc - inv.v_leg[leg]
         else:
             rail = vdc if state == HIGH else 0.0
             # Beyond 20 times the knee the nearest number to the hyperbolic tangent is 1.
@@ -391,6 +404,8 @@ def _subtract_drops(inv, m, y, vdc):
                 device = LOWER_DIODE if i > 0.0 else LOWER_SWITCH
             drop_V = inv.devices.v_V[leg, device] * share
             inv.v_leg[leg] = rail - drop_V - inv.devices.r_ohm[leg, device] * i
+            inv.meter.drop_V[leg] = rail - inv.v_leg[leg]
+        inv.meter.device[leg] = device
         if arcs:
             inv.v_leg[leg] -= inv.diode[leg] * inv.contact.arc_V
 
@@ -430,8 +445,10 @@ def _taken_A(inv, m, y):
 def _step(inv, m, load, y, dt, vdc, floats, out):
     """One Runge-Kutta step from y to out with the present diodes. A drop follows the
     current, a floating leg's voltage the induced voltage and a capacitor's its charge, so every
-    stage finds them anew. The capacitor's new state is the link's `trial`."""
-    if inv.devices.drops == 0 and inv.link.on == 0 and not floats:
+    stage finds them anew. The capacitor's new state is the link's `trial`, and the meter's `total`
+    has the powers of the step."""
+    metered = inv.meter.on != 0
+    if inv.devices.drops == 0 and inv.link.on == 0 and not floats and not metered:
         rk4_step(m, load, y, inv.v, dt, out, inv.k, inv.z)
         return
     total = inv.z[0]
@@ -441,6 +458,9 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
         stage[r] = y[r]
     if inv.link.on != 0:
         begin_link(inv.link)
+    if metered:
+        begin_meter(inv.meter)
+        inv.meter.share_s = dt / 6.0
     for n in range(4):
         if inv.link.on != 0:
             vdc = inv.link.stage[0]
@@ -456,6 +476,8 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
         reach = dt if n == 2 else 0.5 * dt
         if inv.link.on != 0:
             add_link_stage(inv.link, _taken_A(inv, m, stage), weight, reach)
+        if metered:
+            add_powers(inv.meter, m, load, stage, weight)
         for r in range(8):
             total[r] += weight * inv.k[r]
             stage[r] = y[r] + reach * inv.k[r]
@@ -585,8 +607,7 @@ def _step_to_zero(inv, m, load, y, h, vdc, floats, leg):
     i0 = phase_current(m, y, leg)
     i1 = phase_current(m, trial, leg)
     if i0 * inv.diode[leg] <= 0.0:
-        for r in range(8):
-            trial[r] = y[r]
+        _step(inv, m, load, y, 0.0, vdc, floats, trial)
         return 0.0
     enough = ZERO * abs(i0 - i1)
     t0, t = 0.0, h
@@ -752,11 +773,16 @@ def _advance_in_parts(inv, m, load, y, dt, source_V):
         vdc = inv.link.x[0]
     if inv.off >= 3:
         _end_lone_currents(inv, m, y)
-    if (
-        inv.off == 6
-        and _currents_absent(inv)
-        and coast(m, load, y, dt, vdc + 2.0 * inv.devices.least_diode_V)
-    ):
+    metered = inv.meter.on != 0
+    absent = inv.off == 6 and _currents_absent(inv)
+    if absent and metered:
+        begin_meter(inv.meter)
+        inv.meter.share_s = 0.5 * dt
+        add_powers(inv.meter, m, load, y, 1.0)
+    if absent and coast(m, load, y, dt, vdc + 2.0 * inv.devices.least_diode_V):
+        if metered:
+            add_powers(inv.meter, m, load, y, 1.0)
+            accept_meter(inv.meter)
         if linked:
             _advance_link_alone(inv, dt, longest_link_step_s(inv.link, m))
         return
@@ -802,6 +828,8 @@ def _advance_in_parts(inv, m, load, y, dt, source_V):
                 taken = earliest
                 crossing = none
             accept_link(inv.link)
+        if metered:
+            accept_meter(inv.meter)
         for r in range(8):
             y[r] = trial[r]
         for leg in range(6):
@@ -818,7 +846,7 @@ def _advance_in_parts(inv, m, load, y, dt, source_V):
 
 @compiled
 def keep(inv, y):
-    """Save the state and the diodes for `put_back`."""
+    """Save the state and the diodes for `put_back`. Until then the meter rests."""
     for r in range(8):
         inv.kept.y[r] = y[r]
     if inv.off > 0:
@@ -827,6 +855,8 @@ def keep(inv, y):
             inv.kept.open_s[leg] = inv.contact.open_s[leg]
     if inv.link.on != 0:
         keep_link(inv.link)
+    inv.kept.metered = inv.meter.on
+    inv.meter.on = 0
 
 
 @compiled
@@ -839,6 +869,7 @@ def put_back(inv, y):
             inv.contact.open_s[leg] = inv.kept.open_s[leg]
     if inv.link.on != 0:
         put_back_link(inv.link)
+    inv.meter.on = inv.kept.metered
 
 
 @compiled
@@ -869,20 +900,29 @@ def _compile_advance(source: int):
         if inv.off > 0 or inv.link.on != 0:
             _advance_in_parts(inv, m, load, y, dt, vdc)
             return
+        metered = inv.meter.on != 0
+        trial = inv.trial[:]
+        floats = np.bool_(False)
         if inv.devices.drops != 0:
             steps = int(np.ceil(dt / longest_step_s(inv, m)))
-            trial = inv.trial[:]
-            floats = np.bool_(False)
             if steps > 1 and _far_from_zero(inv, m, y, y):
                 _step(inv, m, load, y, dt, vdc, floats, trial)
                 if _far_from_zero(inv, m, y, trial):
                     for r in range(8):
                         y[r] = trial[r]
+                    if metered:
+                        accept_meter(inv.meter)
                     return
             for _ in range(steps):
                 _step(inv, m, load, y, dt / steps, vdc, floats, y)
+                if metered:
+                    accept_meter(inv.meter)
             return
         to_rails(inv, vdc)
+        if metered:
+            _step(inv, m, load, y, dt, vdc, floats, y)
+            accept_meter(inv.meter)
+            return
         rk4_step(m, load, y, inv.v, dt, y, inv.k, inv.z)
 
     return advance

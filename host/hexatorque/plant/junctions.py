@@ -5,8 +5,8 @@ A leg has four devices, a switch and a diode at each rail. With the power P of a
     tau_n d theta_n/dt = R_n P - theta_n,     theta_junction = theta_sink + sum of theta_n
     tau_sink d theta_sink/dt = R_sink (sum of all P) - (theta_sink - ambient)
 
-The compiled loop adds up what conduction needs, |i| and i^2, and the energy of each commutation
-(`add_conduction`, `commutate`). As with the machine's bodies (heat.py), every few milliseconds the
+The compiled loop integrates the losses of conduction (meter.py) and adds up the energy of each
+commutation (`commutate`). As with the machine's bodies (heat.py), every few milliseconds the
 chains advance under their mean powers, exactly. Then each device's threshold and on-resistance
 follow its junction.
 
@@ -27,12 +27,11 @@ from .legs import (
     LOW,
     LOWER_DIODE,
     LOWER_SWITCH,
-    OPEN,
     UPPER_DIODE,
     UPPER_SWITCH,
 )
 from .link import DRIVE_J, V
-from .machine import common_part, current_with
+from .meter import DEVICE_J, INTEGRALS
 
 JUNCTIONS = np.dtype(
     [
@@ -40,48 +39,11 @@ JUNCTIONS = np.dtype(
         ("on_J_VA", "f8"),  # energies of a turn-on and a turn-off per volt and ampere
         ("off_J_VA", "f8"),
         ("vdc_V", "f8"),  # of a stiff link
-        ("i_A", "f8", (6,)),  # phase currents on the legs at the end of the latest step
-        ("charge_As", "f8", (6, 4)),  # integrals of |i| and i^2 in each device
-        ("square_A2s", "f8", (6, 4)),
         ("switching_J", "f8", (6, 4)),
         ("hottest_degC", "f8"),  # for a record
         ("sink_degC", "f8"),
     ]
 )
-
-
-@compiled
-def _conduct(junctions, leg, state, i0, i1, dt):
-    """Add a current that is a straight line from i0 to i1 of the same sign."""
-    out = i0 + i1 > 0.0  # of the leg
-    if state == HIGH:
-        device = UPPER_SWITCH if out else UPPER_DIODE
-    elif state == LOW:
-        device = LOWER_DIODE if out else LOWER_SWITCH
-    else:
-        device = LOWER_DIODE if out else UPPER_DIODE
-    junctions.charge_As[leg, device] += 0.5 * dt * abs(i0 + i1)
-    junctions.square_A2s[leg, device] += dt / 3.0 * (i0 * i0 + i0 * i1 + i1 * i1)
-
-
-@compiled
-def add_conduction(inv, m, y, dt):
-    """Add a step that ends with the state y."""
-    junctions = inv.junctions
-    common = common_part(m, y)
-    for leg in range(6):
-        state = inv.leg[leg]
-        if inv.contact.broken[leg] == OPEN:
-            state = inv.command[leg]
-        i0 = junctions.i_A[leg]
-        i1 = current_with(m, y, common, leg)
-        if i0 * i1 < 0.0:
-            first = dt * i0 / (i0 - i1)
-            _conduct(junctions, leg, state, i0, 0.0, first)
-            _conduct(junctions, leg, state, 0.0, i1, dt - first)
-        else:
-            _conduct(junctions, leg, state, i0, i1, dt)
-        junctions.i_A[leg] = i1
 
 
 @compiled
@@ -150,7 +112,8 @@ class Junctions:
             np.array([values[f"{kind}_{change}_per_K"] for kind in DEVICE_KINDS])
             for change in ("V", "ohm")
         )
-        inverter.junctions.on = int(self.on)
+        if self.on:
+            inverter.junctions.on = inverter.meter.on = 1
         per_VA = energies["e_ref_V"] * energies["e_ref_A"]
         if self.on and per_VA > 0:
             inverter.junctions.on_J_VA = 1e-3 * energies["e_on_mJ"] / per_VA
@@ -184,9 +147,9 @@ class Junctions:
 
     def advance(self, time_s: float) -> None:
         """The losses that have been added up belong to this time."""
-        j, devices = self._inverter.junctions, self._inverter.devices
-        joules = devices.v_V * j.charge_As + devices.r_ohm * j.square_A2s + j.switching_J
-        j.charge_As = j.square_A2s = j.switching_J = 0.0
+        j, x = self._inverter.junctions, self._inverter.meter.x
+        joules = x[DEVICE_J:INTEGRALS].reshape(6, 4) + j.switching_J
+        j.switching_J = x[DEVICE_J:INTEGRALS] = 0.0
         watts, lapse_s = joules / time_s, time_s * self._lapse
         ends = watts[:, :, None] * self._K_W
         self._rises = ends + (self._rises - ends) * np.exp(-lapse_s / self._s)

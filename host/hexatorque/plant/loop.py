@@ -25,9 +25,7 @@ from .brake import command_brake, settle_brake
 from .breaks import push_breaks
 from .compiled import compiled, source_hash
 from .gates import suppress_short_pulses
-from .heat import add_heat
 from .inverter import advance, keep, put_back, set_leg, to_rails
-from .junctions import add_conduction
 from .link import LINE_A, V, link_V, source_A
 from .machine import rk4_step, rk4_two_steps, stator_currents, torque_Nm
 from .pins import high
@@ -133,8 +131,8 @@ def _record(row, m, inv, y, i):
         row[10] = inv.link.x[V]
         row[11] = source_A(inv.link)
         row[12] = inv.link.x[LINE_A]
-        row[13] = m.heat.winding_degC
-        row[14] = m.heat.frame_degC
+        row[13] = inv.winding_degC
+        row[14] = inv.frame_degC
         row[15] = inv.junctions.hottest_degC
         row[16] = inv.junctions.sink_degC
         row[17] = inv.brake_Nm
@@ -171,7 +169,7 @@ def _compile_follow(source: int):
         trial0 = inv.trial[:]
         trial1 = inv.kept.y[:]  # `keep` uses it where `advance` is called
         known = False  # whether inv.v belongs to the legs
-        ideal = inv.devices.drops == 0 and inv.link.on == 0
+        ideal = inv.devices.drops == 0 and inv.link.on == 0 and inv.meter.on == 0
         inv.junctions.vdc_V = vdc
         now = c0
         tick = instants[k]
@@ -229,12 +227,8 @@ def _compile_follow(source: int):
                     continue
                 dt = (stop - now) / tm.clock_Hz
                 advance(inv, m, load, y, dt, vdc)
-            if m.heat.on != 0:
-                add_heat(m, y, dt)
             if load.brake.torque_Nm > 0.0:
                 settle_brake(inv, m, load, y)
-            if inv.junctions.on != 0:
-                add_conduction(inv, m, y, dt)
             if se.i_filter_rad_s > 0.0:
                 filter_currents(se, m, y, dt)
             now = stop

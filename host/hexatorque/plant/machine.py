@@ -8,7 +8,7 @@ A model is a module in `machines/`. It has
 - `fastest_per_s(record)`: the largest decay rate of the windings at standstill,
 - a compiled function for each function below that is marked `_contract` (`implements`).
 
-Fields that every record has: one with the model's own name, `heat` (heat.py), `inertia` [kg m2],
+Fields that every record has: one with the model's own name, `inertia` [kg m2], `viscous` [N m s],
 `g_leg` (6, 6), d/dt of a phase current per volt on each leg with unsaturated iron [1/H], and
 `inv_l_max`, the largest slope that any stator voltage causes [1/H]. The field with the model's name
 selects the model's functions when the code is compiled, so that the choice of a model takes no time

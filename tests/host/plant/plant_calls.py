@@ -9,6 +9,7 @@ from numba import njit
 from hexatorque.plant import brake, gates, inverter, load, machine, pwm, sensors
 from hexatorque.plant.compiled import source_hash
 from hexatorque.plant.legs import OFF
+from hexatorque.plant.machines import magnet
 from hexatorque.plant.record import record
 
 KEEP = -1
@@ -16,14 +17,22 @@ NO_LOAD = record(load.LOAD, **{n: float(n == "eddy_rad_s") for n in load.LOAD.na
 
 
 def machine_J(p, y):
-    """Field of an induction machine and motion of its shaft, from the definition of the
-    inductances."""
+    """Field of a machine's currents, magnets' pull on the teeth and motion of the shaft, from the
+    definition of the inductances. p: the parameters of a linear machine."""
+    moving = 0.5 * p.inertia_kgm2 * y[6] ** 2
+    if hasattr(p, "psi_f_Wb"):
+        i = np.empty(4)
+        instant(magnet.make(p), NO_LOAD, y, np.zeros(4), np.empty(8), np.empty(6), i)
+        along = complex(i[0], i[1]) * np.exp(-1j * (np.deg2rad(p.start_deg) + p.pole_pairs * y[7]))
+        field = p.ld_H * along.real**2 + p.lq_H * along.imag**2 + p.lxy_H * (i[2] ** 2 + i[3] ** 2)
+        pull = -p.cogging_Nm / p.cogging_per_rev * np.cos(p.cogging_per_rev * y[7])
+        return 1.5 * field + pull + moving
     inverse = np.linalg.inv([[p.lls_H + p.lm_H, p.lm_H], [p.lm_H, p.llr_H + p.lm_H]])
     field = 1.5 * (y[2] ** 2 + y[3] ** 2) / p.lxy_H
     for axis in (0, 1):
         flux = np.array([y[axis], y[4 + axis]])
         field += 1.5 * flux @ inverse @ flux
-    return field + 0.5 * p.inertia_kgm2 * y[6] ** 2
+    return field + moving
 
 
 def _compile(source):

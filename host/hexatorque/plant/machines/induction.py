@@ -30,7 +30,6 @@ from .. import machine
 from ..columns import add_columns
 from ..compiled import compiled
 from ..elementary import exp, tanh, turned
-from ..heat import HEAT
 from ..load import load_torque
 from ..machine import implements
 from ..record import record
@@ -62,7 +61,6 @@ _FIELDS = [
     ("iron", "i8"),  # 0: no iron losses
     ("hysteresis", "f8"),  # p k_h, N m/Wb^2
     ("eddy", "f8"),  # p^2 k_e, N m s/Wb^2
-    ("heat", HEAT),
 ]
 
 #: Speed over which the torque of the hysteresis changes sign, rad/s.
@@ -130,7 +128,6 @@ def make(p: Parameters) -> np.record:
         iron=int(p.iron_hysteresis_A_Wb > 0 or p.iron_eddy_S > 0),
         hysteresis=p.pole_pairs * p.iron_hysteresis_A_Wb,
         eddy=p.pole_pairs**2 * p.iron_eddy_S,
-        heat=np.zeros((), HEAT),
     )
 
 
@@ -289,30 +286,31 @@ def coast(m, load, y, dt, most_V):
     induced = psi_r * np.sqrt((ratio * w) ** 2 + (m.lm_over_lr * rate) ** 2)
     if 1.7321 * induced > most_V:
         return False
+    # Exponential with the rate at mid-step: exact while the rate is constant.
+    _, rate = open_rotor(m, psi_r * exp(-0.5 * rate * dt))
+    decay = exp(-rate * dt)
+    begun = ratio
+    ratio, rate = open_rotor(m, psi_r * decay)
     # Heun's rule suffices for coasting: the speed hardly changes within a step.
-    # The flux is still that of the step before.
     k0 = -(m.viscous * y[6] + load_torque(load, y[6])) / m.inertia
     if m.iron != 0:
         k0 -= iron_torque(m, y, y[6]) / m.inertia
     end = y[6] + dt * k0
     k1 = -(m.viscous * end + load_torque(load, end)) / m.inertia
     if m.iron != 0:
-        k1 -= iron_torque(m, y, end) / m.inertia
+        shrunk = ratio / begun * decay
+        k1 -= shrunk * shrunk * iron_torque(m, y, end) / m.inertia
     end = y[6] + 0.5 * dt * (k0 + k1)
     mean = 0.5 * (y[6] + end)
     y[7] += dt * mean
     y[6] = end
     w = m.pole_pairs * mean
-    # Exponential with the rate at mid-step: exact while the rate is constant.
-    ratio, rate = open_rotor(m, psi_r * exp(-0.5 * rate * dt))
-    decay = exp(-rate * dt)
     turn = turned(w * dt)
     c = turn.real * decay
     s = turn.imag * decay
     psi = y[4]
     y[4] = c * psi - s * y[5]
     y[5] = s * psi + c * y[5]
-    ratio, rate = open_rotor(m, psi_r * decay)
     y[0] = ratio * y[4]
     y[1] = ratio * y[5]
     y[2] = 0.0

@@ -28,7 +28,6 @@ import numpy as np
 from .. import machine
 from ..compiled import compiled
 from ..elementary import sin, turned
-from ..heat import HEAT
 from ..load import load_torque
 from ..machine import implements
 from ..record import record
@@ -59,7 +58,6 @@ RECORD = np.dtype(
         ("start_rad", "f8"),  # electrical angle of the d axis at theta = 0
         ("inertia", "f8"),
         ("viscous", "f8"),
-        ("heat", HEAT),
     ]
 )
 
@@ -110,7 +108,6 @@ def make(p: Parameters) -> np.record:
         start_rad=np.deg2rad(p.start_deg),
         inertia=p.inertia_kgm2,
         viscous=p.viscous_Nms,
-        heat=np.zeros((), HEAT),
     )
 
 
