@@ -270,7 +270,7 @@ static void configure_least_loss(const float *v, float pull_out_Nm_Wb2, ht_least
     float main_H = ratio * v[HT_P_lm_H];
     float ls_H = v[HT_P_sigma_ls_H] + main_H;
     float slip_rad_s = v[HT_P_encoder_trip_rpm] * v[HT_P_pole_pairs] * (PI_F / 30.0f);
-    float floor_Wb;
+    float floor_Wb = 0.0f;
     float wait = v[HT_P_flux_wait_s] * v[HT_P_f_slow_Hz];
     c->error_gain = 1.0f / (1.0f + TORQUE_ERROR_S * v[HT_P_f_slow_Hz]);
     c->per_Nm = 1.0f / (3.0f * v[HT_P_pole_pairs] * main_H);
@@ -286,7 +286,9 @@ static void configure_least_loss(const float *v, float pull_out_Nm_Wb2, ht_least
         float by_slip = 3.0f * v[HT_P_pole_pairs] * slip_rad_s / c->rotor_ohm;
         c->reach_Nm_Wb2 = (by_slip < pull_out_Nm_Wb2) ? by_slip : pull_out_Nm_Wb2;
     }
-    floor_Wb = sqrtf(v[HT_P_flux_reserve_Nm] / c->reach_Nm_Wb2);
+    if (v[HT_P_machine] == 0.0f) { /* with magnets the reserve depends on the current, too */
+        floor_Wb = sqrtf(v[HT_P_flux_reserve_Nm] / c->reach_Nm_Wb2);
+    }
     c->floor_Wb = (floor_Wb > v[HT_P_flux_min_Wb]) ? floor_Wb : v[HT_P_flux_min_Wb];
     c->wait = (uint32_t)wait;
 }

@@ -500,6 +500,8 @@ HT_SELDOM static void begin_run_with_magnets(ht_drive *d)
                       d->in.axis);
     d->control.estimate.psi_Wb = d->control.observer.psi_Wb;
     ht_drive_set_flux_ref(d, c->control.observer.magnet.psi_f_Wb);
+    d->omega_mean_rad_s = 0.0f;
+    ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
     d->flux_unknown = 0.0f;
     ht_drive_enter(d, HT_STATE_RUN);
 }

@@ -21,8 +21,6 @@ static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
     float size;
-    d->omega_mean_rad_s += c->omega_mean_gain
-                           * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
     size = (d->omega_mean_rad_s < 0.0f) ? -d->omega_mean_rad_s : d->omega_mean_rad_s;
     if ((c->control.observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
         || (ht_drive_load(d, c) < HT_LOWER_LOAD) || (size > TURNING_RAD_S)) {
@@ -38,11 +36,6 @@ static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
  * which are larger then. */
 #define DERATING_STEP 0.2f
 
-/* Limits that more flux may move. */
-#define OF_THE_MACHINE                                                                 \
-    ((unsigned)HT_LIMIT_VOLTAGE | (unsigned)HT_LIMIT_FLUX | (unsigned)HT_LIMIT_CURRENT \
-     | (unsigned)HT_LIMIT_LEGS)
-
 /* The flux without weakening and derating: the parameter's, or less where that costs less. A drive
  * without a leg keeps the parameter's: its losses and its reserve are other ones. */
 static float wanted_Wb(ht_drive *d, const ht_drive_config *c)
@@ -54,12 +47,7 @@ static float wanted_Wb(ht_drive *d, const ht_drive_config *c)
         ht_least_loss_reset(&d->least_loss, most_Wb);
         return most_Wb;
     }
-    in.torque_ref_Nm = d->torque_ref_Nm;
-    in.torque_Nm = d->control.estimate.torque_Nm;
-    in.omega_rad_s = d->omega_mean_rad_s;
-    in.rs_ohm = d->control.observer.rs_ohm;
-    in.rr_scale = d->control.observer.rr_scale;
-    in.limited = (d->limits & OF_THE_MACHINE) != 0u;
+    in = ht_drive_loses(d);
     return ht_least_loss_step(&c->least_loss, &d->least_loss, &in, most_Wb);
 }
 

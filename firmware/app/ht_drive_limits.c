@@ -129,3 +129,20 @@ void ht_drive_limit_torque(ht_drive *d, const ht_drive_config *c)
     d->torque_limited_by = limit.by;
     d->torque_limit_Nm = d->heat_share * limit.most_Nm;
 }
+
+/* Limits that more flux may move. */
+#define OF_THE_MACHINE                                                                 \
+    ((unsigned)HT_LIMIT_VOLTAGE | (unsigned)HT_LIMIT_FLUX | (unsigned)HT_LIMIT_CURRENT \
+     | (unsigned)HT_LIMIT_LEGS)
+
+ht_least_loss_input ht_drive_loses(const ht_drive *d)
+{
+    ht_least_loss_input in;
+    in.torque_ref_Nm = d->torque_ref_Nm;
+    in.torque_Nm = d->control.estimate.torque_Nm;
+    in.omega_rad_s = d->omega_mean_rad_s;
+    in.rs_ohm = d->control.observer.rs_ohm;
+    in.rr_scale = d->control.observer.rr_scale;
+    in.limited = (d->limits & OF_THE_MACHINE) != 0u;
+    return in;
+}

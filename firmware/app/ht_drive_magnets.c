@@ -1,6 +1,7 @@
 /* The references of a machine with magnets in RUN. */
 #include "ht_drive_slow.h"
 
+#include <math.h>
 #include <stddef.h>
 
 /* With magnets: the largest flux that the voltage turns with this torque and the parameter allows, but no
@@ -66,17 +67,43 @@ static ht_limit magnet_limit(const ht_drive *d, const ht_drive_config *c, float 
     return limit;
 }
 
+/* The flux that costs the least loss, or `least_Wb`, that of the least current. Iron wants less flux: that
+ * takes more current, of which there must be enough for this torque and for the one kept in reserve. */
+static float economic_Wb(ht_drive *d, const ht_drive_config *c, float most_A, float least_Wb)
+{
+    const ht_magnet_config *m = &c->control.observer.magnet;
+    const float *v = c->params.v;
+    float need_Nm = fabsf(d->torque_ref_Nm);
+    ht_least_loss_input in;
+    float iron_W_Wb2;
+    float torque_Nm;
+    float flux_Wb;
+    if (v[HT_P_flux_least_loss] == 0.0f) {
+        ht_least_loss_reset(&d->least_loss, least_Wb);
+        return least_Wb;
+    }
+    in = ht_drive_loses(d);
+    iron_W_Wb2 = ht_least_loss_iron_W_Wb2(&c->least_loss, in.omega_rad_s);
+    torque_Nm = ht_least_loss_torque_Nm(&c->least_loss, &d->least_loss, &in);
+    /* Not the adapted R_s: a standstill without load teaches a wrong one, which stays at speed. */
+    flux_Wb =
+        ht_magnet_flux_Wb(m, ht_magnet_least_loss_A(m, v[HT_P_rs_ohm], iron_W_Wb2, torque_Nm));
+    need_Nm = (need_Nm > v[HT_P_flux_reserve_Nm]) ? need_Nm : v[HT_P_flux_reserve_Nm];
+    flux_Wb = ht_magnet_needed_Wb(m, most_A, need_Nm, flux_Wb, least_Wb);
+    return ht_least_loss_follow(&c->least_loss, &d->least_loss, in.limited, flux_Wb, least_Wb);
+}
+
 void ht_drive_refer_magnets(ht_drive *d, const ht_drive_config *c)
 {
     const ht_magnet_config *m = &c->control.observer.magnet;
     float most_A = ht_derated_most_A(&c->derating, NULL, d->in.vdc_V, m->psi_f_Wb);
     ht_limit limit;
-    float most_Wb;
+    float flux_Wb;
     limit = magnet_limit(d, c, most_A);
     d->torque_limited_by = limit.by;
     d->torque_limit_Nm = d->heat_share * limit.most_Nm;
     ht_drive_follow_reference(d, c);
-    most_Wb = most_flux_Wb(d, c, most_A, d->torque_ref_Nm);
-    d->flux_ref_Wb =
-        ht_smaller(ht_magnet_flux_Wb(m, ht_magnet_least_A(m, d->torque_ref_Nm)), most_Wb);
+    flux_Wb = ht_smaller(ht_magnet_flux_Wb(m, ht_magnet_least_A(m, d->torque_ref_Nm)),
+                         most_flux_Wb(d, c, most_A, d->torque_ref_Nm));
+    d->flux_ref_Wb = economic_Wb(d, c, most_A, flux_Wb);
 }

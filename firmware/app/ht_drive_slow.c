@@ -167,6 +167,8 @@ void ht_drive_slow_isr(ht_drive *d)
         faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm,
                                  d->in.inv_flux_ref2);
         d->slow_faults = faults | lasting;
+        d->omega_mean_rad_s += c->omega_mean_gain
+                               * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
         if (c->control.observer.magnets) {
             ht_leg_loss_tolerate(&d->control.leg_loss, c->params.v[HT_P_rs_ohm],
                                  c->params.v[HT_P_lxy_H], d->control.observer.omega_sync_rad_s);

@@ -45,8 +45,11 @@ float ht_drive_rotor_Wb(const ht_drive *d);
 /** |i_q/i_d| of the references. */
 float ht_drive_load(const ht_drive *d, const ht_drive_config *c);
 
+/** What the loss depends on, in this slow interrupt. */
+ht_least_loss_input ht_drive_loses(const ht_drive *d);
+
 /** With magnets: the torque that current and flux allow, the reference within it, and the flux with which
- *  it takes the least current. */
+ *  it takes the least current, or costs the least loss. */
 void ht_drive_refer_magnets(ht_drive *d, const ht_drive_config *c);
 
 /* Motion. */

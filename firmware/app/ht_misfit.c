@@ -409,7 +409,8 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         result = v[HT_P_stop_s] >= ht_misfit_stop_s(p);
         break;
     case HT_MISFIT_LEAST_LOSS:
-        result = (v[HT_P_machine] == 0.0f) || (v[HT_P_flux_least_loss] == 0.0f);
+        result = (v[HT_P_machine] == 0.0f) || (v[HT_P_flux_least_loss] == 0.0f)
+                 || (v[HT_P_iron_hysteresis_A_Wb] > 0.0f) || (v[HT_P_iron_eddy_S] > 0.0f);
         break;
     case HT_MISFIT_FLUX_BRAKE:
     case HT_MISFIT_FLUX_BRAKE_LEVEL:

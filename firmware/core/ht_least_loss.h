@@ -1,7 +1,8 @@
 /** @file ht_least_loss.h
- *  The stator flux with which an induction machine makes a torque with the least loss.
+ *  The stator flux with which a machine makes a torque with the least loss. That of magnets is found by
+ *  `ht_magnet_least_loss_A`.
  *
- *  In steady state the current has the parts d along the rotor flux and q across it, and
+ *  In steady state the current of an induction machine has the parts d along the rotor flux and q across it, and
  *
  *    T = 3 P (L_m^2/L_r) d q,   psi^2 = (L_s d)^2 + (sigma L_s q)^2
  *    loss = 3 (a d^2 + b q^2)
@@ -50,12 +51,24 @@ typedef struct {
 /** Hold the flux `most_Wb`. */
 void ht_least_loss_reset(ht_least_loss_state *st, float most_Wb);
 
-/** The flux of least loss at this torque, without limits. */
+/** The iron's loss over flux squared at this electrical speed, of either sign, and over 3: W/Wb^2. */
+float ht_least_loss_iron_W_Wb2(const ht_least_loss_config *cfg, float omega_rad_s);
+
+/** The mean torque of this reference. Every step of the slow loop learns its error. */
+float ht_least_loss_torque_Nm(const ht_least_loss_config *cfg, ht_least_loss_state *st,
+                              const ht_least_loss_input *in);
+
+/** The flux of least loss of an induction machine at this torque, without limits. */
 float ht_least_loss_Wb(const ht_least_loss_config *cfg, const ht_least_loss_input *in,
                        float torque_Nm);
 
-/** One step of the slow loop: this flux between floor and `most_Wb`. It rises at once. It falls, after
- *  the wait, to the largest that was asked for meanwhile: a load that comes again and again finds its flux. */
+/** One step of the slow loop: the flux `wanted_Wb` between floor and `most_Wb`, which it is if `limited`. It
+ *  rises at once. It falls, after the wait, to the largest that was asked for meanwhile: a load that comes
+ *  again and again finds its flux. */
+float ht_least_loss_follow(const ht_least_loss_config *cfg, ht_least_loss_state *st, bool limited,
+                           float wanted_Wb, float most_Wb);
+
+/** The same with the flux of an induction machine. */
 float ht_least_loss_step(const ht_least_loss_config *cfg, ht_least_loss_state *st,
                          const ht_least_loss_input *in, float most_Wb);
 

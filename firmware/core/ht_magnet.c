@@ -6,8 +6,8 @@
 
 /* Below this share of L_q a difference of the inductances is none. */
 #define SALIENT 0.001f
-/* Rounds of the iteration for the least current. Each leaves a third of the error at 1.5 times the
- * torque of a machine whose L_q is three times its L_d. */
+/* Rounds of an iteration. That for the least current leaves in each a third of the error at 1.5 times the
+ * torque of a machine whose L_q is three times its L_d, that for a flux halves its range. */
 #define ROUNDS 8
 /* Least part of the flux that is along r, squared, and least slope of q r over q, in psi_f. */
 #define LEAST_ALONG2 0.01f
@@ -66,6 +66,23 @@ ht_dq ht_magnet_least_A(const ht_magnet_config *m, float torque_Nm)
         i.d = along_A(m, i.q);
         i.q = 0.5f * (i.q + per_Wb / (m->psi_f_Wb + m->saliency_H * i.d));
     }
+    return i;
+}
+
+ht_dq ht_magnet_least_loss_A(const ht_magnet_config *m, float rs_ohm, float iron_W_Wb2,
+                             float torque_Nm)
+{
+    float along_ohm = rs_ohm + iron_W_Wb2 * m->ld_H * m->ld_H;
+    float across_ohm = rs_ohm + iron_W_Wb2 * m->lq_H * m->lq_H;
+    float idle_A = -iron_W_Wb2 * m->psi_f_Wb * m->ld_H / along_ohm;
+    float weight = sqrtf(across_ohm / along_ohm);
+    ht_magnet_config shifted = *m;
+    ht_dq i;
+    shifted.psi_f_Wb = m->psi_f_Wb + m->saliency_H * idle_A;
+    shifted.inv_psi_f = 1.0f / shifted.psi_f_Wb;
+    i = ht_magnet_least_A(&shifted, weight * torque_Nm);
+    i.d += idle_A;
+    i.q /= weight;
     return i;
 }
 
@@ -171,6 +188,26 @@ float ht_magnet_most_Nm(const ht_magnet_config *m, float i_A, float flux_Wb)
     }
     torque_Nm = m->torque_gain * (m->psi_f_Wb + m->saliency_H * i.d) * i.q;
     return (torque_Nm < most_Nm) ? torque_Nm : most_Nm;
+}
+
+float ht_magnet_needed_Wb(const ht_magnet_config *m, float i_A, float torque_Nm, float from_Wb,
+                          float most_Wb)
+{
+    float low_Wb = from_Wb;
+    float high_Wb = most_Wb;
+    int n;
+    if (ht_magnet_most_Nm(m, i_A, from_Wb) >= torque_Nm) {
+        return from_Wb;
+    }
+    for (n = 0; n < ROUNDS; n++) {
+        float middle_Wb = 0.5f * (low_Wb + high_Wb);
+        if (ht_magnet_most_Nm(m, i_A, middle_Wb) >= torque_Nm) {
+            high_Wb = middle_Wb;
+        } else {
+            low_Wb = middle_Wb;
+        }
+    }
+    return high_Wb;
 }
 
 float ht_magnet_terminal_Wb(float psi_f_Wb, float share5, float share7)

@@ -42,6 +42,18 @@ typedef struct {
 /** The least current that makes this torque. */
 ht_dq ht_magnet_least_A(const ht_magnet_config *m, float torque_Nm);
 
+/** The current that makes this torque with the least loss in copper and iron,
+ *  3 (R_s i^2 + k psi^2) with k = `iron_W_Wb2`. With psi_d = psi_f + L_d i_d and psi_q = L_q i_q it is
+ *
+ *    3 (a (i_d - d_0)^2 + b i_q^2) + constant,  a = R_s + k L_d^2,  b = R_s + k L_q^2,
+ *    d_0 = -k psi_f L_d/a,  T = 3 P (psi_f + (L_d - L_q) i_d) i_q.
+ *
+ *  So (i_d - d_0, sqrt(b/a) i_q) is the least current of a machine with the magnets
+ *  psi_f + (L_d - L_q) d_0 at the torque sqrt(b/a) T. (The loss as a rule for magnets: Morimoto, Tong,
+ *  Takeda, Hirasa, IEEE Trans. Ind. Electron. 41(5), 1994.) No number if there is no loss. */
+ht_dq ht_magnet_least_loss_A(const ht_magnet_config *m, float rs_ohm, float iron_W_Wb2,
+                             float torque_Nm);
+
 /** Length of the stator flux with this current. */
 float ht_magnet_flux_Wb(const ht_magnet_config *m, ht_dq i_A);
 
@@ -75,5 +87,10 @@ float ht_magnet_short_A(const ht_magnet_config *m, float rs_ohm, float omega_rad
 
 /** Largest torque with a current of `i_A` at most and a stator flux of `flux_Wb` at most. */
 float ht_magnet_most_Nm(const ht_magnet_config *m, float i_A, float flux_Wb);
+
+/** The least flux between these two with which a current of `i_A` makes this torque, which is not
+ *  negative, within a 256th of their distance; `most_Wb` if none does. */
+float ht_magnet_needed_Wb(const ht_magnet_config *m, float i_A, float torque_Nm, float from_Wb,
+                          float most_Wb);
 
 #endif

@@ -28,7 +28,7 @@ def copper_loss_W(rec: Recording) -> float:
 
 
 def iron_loss_W(rec: Recording) -> float:
-    """Mean loss of the iron (plant/machines/induction.py). NaN if it takes something and the
+    """Mean loss of the iron (plant/iron.py). NaN if it takes something and the
     recording lacks the machine's flux."""
     machine = rec.meta.get("parameters", {}).get("machine", {})
     hysteresis, eddy = (machine.get(k, 0.0) for k in ("iron_hysteresis_A_Wb", "iron_eddy_S"))

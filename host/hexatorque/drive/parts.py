@@ -11,11 +11,11 @@ import numpy as np
 from .. import firmware
 from ..plant import load as loads
 from ..plant.inverter import inverter_record, longest_step_s
+from ..plant.iron import IRON_RAD_S
 from ..plant.legs import DROPS
 from ..plant.link import LINK_KEYS, charge, longest_link_step_s
 from ..plant.loop import TIMING
 from ..plant.machines import constants_of
-from ..plant.machines.induction import IRON_RAD_S
 from ..plant.pwm import PWM_MAP
 from ..plant.record import names_of, record
 from ..plant.sensors import sensors_record

@@ -593,8 +593,7 @@ OPEN: dict[str, Rule] = {
 
 #: Rules that a rotor with magnets has no use for.
 OF_A_WINDING = (
-    "rr_ohm", "lr_H", "lm_H", "sigma_ls_H",
-    "iron_hysteresis_A_Wb", "iron_eddy_S", "flux_reserve_Nm", "adapt_s",
+    "rr_ohm", "lr_H", "lm_H", "sigma_ls_H", "adapt_s",
 )  # fmt: skip
 
 #: What the controller is told of a machine with magnets.

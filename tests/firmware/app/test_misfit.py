@@ -104,7 +104,7 @@ CASES = {
     ),
     "LEAST_LOSS": (
         {**MAGNET, "flux_least_loss": "on"},
-        "flux_least_loss = on, machine = magnet: with magnets it must be off: their flux has",
+        "flux_least_loss = on, machine = magnet: with magnets the iron's loss must be told (iron_",
     ),
     "HEAT_LEVELS": (
         {"winding_limit_degC": 160.0},

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
 
 from hexatorque.firmware import ffi, lib
 
@@ -28,6 +29,7 @@ MACHINES = {
     "interior": Machine(0.8, 6.4e-3, 17.4e-3, 0.1746, 3),
     "surface": Machine(1.096, 2.142e-3, 2.142e-3, 0.0734, 5),
 }
+SMALL = Machine(0.0643, 0.125e-3, 0.126e-3, 4.7e-3, 5)
 
 
 def pair(z):
@@ -89,6 +91,60 @@ def test_least_current(machine, share):
     assert np.hypot(i.d, i.q) <= np.hypot(d, q).min() * 1.01 + 1e-6
     flux = lib.ht_magnet_flux_Wb(m, i)
     assert flux == pytest.approx(np.hypot(psi_f + ld * i.d, lq * i.q), rel=1e-5)
+
+
+@pytest.mark.parametrize("machine", [*MACHINES.values(), SMALL], ids=[*MACHINES, "24 V"])
+@pytest.mark.parametrize("iron", [0.0, 0.03, 0.3, 3.0, 30.0])
+@pytest.mark.parametrize("share", [-1.5, 0.0, 0.01, 0.1, 0.5, 1.5])
+def test_no_current_found_by_search_has_less_loss(machine, share, iron):
+    """iron: its loss with the flux of the magnets alone, over the copper's with the current that
+    this flux has in L_d. At 30 the magnets' flux is nearly taken away."""
+    r, ld, lq, psi_f, p = machine
+    k = iron * r / ld**2
+    torque = share * 3 * p * psi_f * 0.3 * psi_f / lq
+
+    def across(d):
+        return torque / (3 * p * (psi_f + (ld - lq) * d))
+
+    def loss_W(d, q):
+        return 3 * (r * (d**2 + q**2) + k * ((psi_f + ld * d) ** 2 + (lq * q) ** 2))
+
+    i = lib.ht_magnet_least_loss_A(magnet(machine), r, k, torque)
+    assert across(i.d) == pytest.approx(i.q, rel=2e-3, abs=1e-9)
+    bounds = (-1.5 * psi_f / ld, 0.5 * psi_f / ld)
+    least = minimize_scalar(
+        lambda d: loss_W(d, across(d)), bounds=bounds, method="bounded",
+        options={"xatol": 1e-9 * psi_f / ld},
+    )  # fmt: skip
+    assert loss_W(i.d, across(i.d)) <= least.fun * (1 + 1e-4) + 1e-9
+
+
+def test_without_iron_the_least_loss_is_that_of_the_least_current(machine):
+    m = magnet(machine)
+    for torque in (-3.0, 0.0, 0.2, 7.0):
+        one = lib.ht_magnet_least_loss_A(m, machine.r, 0.0, torque)
+        two = lib.ht_magnet_least_A(m, torque)
+        assert (one.d, one.q) == (two.d, two.q)
+
+
+def test_without_any_loss_there_is_no_current_of_least_loss(machine):
+    assert np.isnan(lib.ht_magnet_least_loss_A(magnet(machine), 0.0, 0.0, 1.0).d)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.6, 0.95])
+def test_the_least_flux_with_which_a_current_makes_a_torque(machine, share):
+    m, psi_f = magnet(machine), machine.psi_f
+    i_A = 0.6 * psi_f / machine.lq
+    most_Wb = 1.3 * psi_f
+    torque = share * lib.ht_magnet_most_Nm(m, i_A, most_Wb)
+    fluxes = np.linspace(0.2 * psi_f, most_Wb, 3001)
+    enough = [lib.ht_magnet_most_Nm(m, i_A, flux) >= torque for flux in fluxes]
+    expected = fluxes[np.argmax(enough)]
+    found = lib.ht_magnet_needed_Wb(m, i_A, torque, 0.2 * psi_f, most_Wb)
+    assert found == pytest.approx(expected, abs=1.1 * psi_f / 256 + 1e-3 * psi_f)
+    assert lib.ht_magnet_most_Nm(m, i_A, found) >= torque
+    beyond = 1.1 * lib.ht_magnet_most_Nm(m, i_A, most_Wb)
+    assert lib.ht_magnet_needed_Wb(m, i_A, beyond, 0.2 * psi_f, most_Wb) == np.float32(most_Wb)
 
 
 @pytest.mark.parametrize("flux_pu", [0.3, 0.6, 0.9, 1.0, 1.3, 2.0])

@@ -11,17 +11,24 @@ from hexatorque import SimulatedDrive, load
 from hexatorque.analysis.losses import balance, bridge, iron_loss_W
 from hexatorque.plant.inverter import inverter_record
 from hexatorque.plant.legs import OFF
+from hexatorque.plant.machines import magnet
 from hexatorque.plant.machines.induction import Parameters, make
+from hexatorque.plant.machines.magnet_parameters import Parameters as Magnets
 
 #: W/Wb^2 per rad/s, and per (rad/s)^2.
 HYSTERESIS, EDDY = 0.3, 2e-3
 PLAIN = Parameters(2, 1.8, 2.0, 10e-3, 15e-3, 284e-3, 10e-3, 0.03, 0.0033)
 IRON = replace(PLAIN, iron_hysteresis_A_Wb=HYSTERESIS, iron_eddy_S=EDDY)
+MAGNETS = Magnets(
+    3, 0.8, 6.4e-3, 17.4e-3, 0.9e-3, 0.1746, 0.01, 0.002,
+    iron_hysteresis_A_Wb=HYSTERESIS, iron_eddy_S=EDDY,
+)  # fmt: skip
 
 
 def slopes(p, y):
     k = np.empty(8)
-    instant(make(p), NO_LOAD, y, np.zeros(4), k, np.empty(6), np.empty(4))
+    m = magnet.make(p) if isinstance(p, Magnets) else make(p)
+    instant(m, NO_LOAD, y, np.zeros(4), k, np.empty(6), np.empty(4))
     return k
 
 
@@ -79,6 +86,36 @@ def test_energy_closes_from_the_terminals_to_the_shaft():
     stored_J += 0.5 * p.inertia_kgm2 * y[-1, 6] ** 2
     assert y[-1, 6] > 140 and simpson(iron_W, dt) > 20
     assert abs(taken_J - lost_J - stored_J) < 1e-6 * taken_J
+
+
+@pytest.mark.parametrize("omega", (-150.0, 40.0, 300.0))
+def test_with_magnets_too_the_shaft_pays_for_the_loss_and_for_nothing_else(omega):
+    y = np.array([0.15, -0.05, 0.01, 0.0, 0.0, 0.0, omega, 0.7])
+    with_iron = slopes(MAGNETS, y)
+    without = slopes(replace(MAGNETS, iron_hysteresis_A_Wb=0.0, iron_eddy_S=0.0), y)
+    electrical = MAGNETS.pole_pairs * abs(omega)
+    expected_W = (0.15**2 + 0.05**2) * (HYSTERESIS * electrical + EDDY * electrical**2)
+    taken_W = (without[6] - with_iron[6]) * MAGNETS.inertia_kgm2 * omega
+    assert taken_W == pytest.approx(expected_W, rel=1e-9)
+    assert np.array_equal(np.delete(with_iron, 6), np.delete(without, 6))
+
+
+def test_without_currents_magnets_brake_the_shaft_by_their_own_flux():
+    p = MAGNETS
+    inv = inverter_record()
+    inv.leg[:] = inv.command[:] = OFF
+    inv.off = 6
+    y = magnet.initial(magnet.make(p))
+    y[6] = 60.0
+    states, _ = advance(inv, magnet.make(p), NO_LOAD, y, 50e-6, 250.0, steps=4000)
+
+    def coasting(t, w):
+        per_Wb2 = p.pole_pairs * (HYSTERESIS * np.tanh(w / 0.5) + EDDY * p.pole_pairs * w)
+        return -(p.psi_f_Wb**2 * per_Wb2 + p.viscous_Nms * w) / p.inertia_kgm2
+
+    end = solve_ivp(coasting, (0, 0.2), [60.0], "DOP853", rtol=1e-10, atol=1e-12).y[0, -1]
+    assert 60 * np.exp(-0.2 * p.viscous_Nms / p.inertia_kgm2) - end > 0.5  # the iron's part
+    assert states[-1, 6] == pytest.approx(end, rel=1e-7)
 
 
 def test_without_currents_the_decaying_flux_still_brakes_the_shaft():

@@ -234,11 +234,11 @@ COURSES = {
     "magnet": {
         "whole": ("magnet-interior", {}, run_and_stop),
         "drops": ("magnet-interior", DROPS | ARC, BLOCKED),
-        "open": ("magnet-surface", {}, OPEN),
+        "open": ("magnet-surface", IRON, OPEN),
         "fast": ("magnet-surface", {}, FAST),
         "salient": ("magnet-interior", {}, BLOCKED),
         "link": ("magnet-interior", LINK, run_and_stop),
-        "heat": ("magnet-interior", HEAT, run_and_stop),
+        "heat": ("magnet-interior", IRON | HEAT, run_and_stop),
         "devices": ("magnet-interior", DROPS | DEVICES, run_and_stop),
         "holding": ("magnet-interior", HOLDING, hold_and_run),
     },

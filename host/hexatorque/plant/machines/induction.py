@@ -9,11 +9,7 @@ resistance and leakage may differ, which couples alpha-beta with x-y:
     T_e = 3 p L_m/L_r (psi_r x i_s)               (paper B, eqs. 2 to 5)
     J dw/dt = T_e - B w - T_load(w)
 
-The iron's loss, if it is given, is (k_h p|w| + k_e (p w)^2)|psi_s|^2: hysteresis grows with the
-frequency and eddy currents with its square (Bertotti, IEEE Trans. Magn. 24(1), 1988). The
-frequency is that of the rotor's turning, less than the flux's by the slip, and the shaft pays for
-the loss with a torque. So currents remain functions of the fluxes alone, and the drive sees the
-loss as the torque that it costs.
+The iron's loss takes a part of T_e (plant/iron.py).
 
 Two isolated neutrals: zero-sequence currents do not exist. The torque is written
 with the rotor flux because that form also holds for an asymmetrical stator.
@@ -28,8 +24,10 @@ from numba.extending import overload
 
 from .. import machine
 from ..columns import add_columns
-from ..compiled import compiled
-from ..elementary import exp, tanh, turned
+from ..elementary import exp, turned
+from ..iron import FIELDS as IRON_FIELDS
+from ..iron import iron_torque
+from ..iron import values as iron_values
 from ..load import load_torque
 from ..machine import implements
 from ..record import record
@@ -58,13 +56,8 @@ _FIELDS = [
     ("i_excess", "f8", (6, 2)),  # phase currents from the excess flux
     ("inertia", "f8"),
     ("viscous", "f8"),
-    ("iron", "i8"),  # 0: no iron losses
-    ("hysteresis", "f8"),  # p k_h, N m/Wb^2
-    ("eddy", "f8"),  # p^2 k_e, N m s/Wb^2
+    *IRON_FIELDS,
 ]
-
-#: Speed over which the torque of the hysteresis changes sign, rad/s.
-IRON_RAD_S = 0.5
 
 #: A type for each kind of magnetics. Compiled code checks the type and not a value, so the option
 #: costs a linear machine no time. Neither type has all fields of the other. Otherwise a function
@@ -125,9 +118,7 @@ def make(p: Parameters) -> np.record:
         i_excess=i_phase[:, :2] + i_phase[:, 4:],
         inertia=p.inertia_kgm2,
         viscous=p.viscous_Nms,
-        iron=int(p.iron_hysteresis_A_Wb > 0 or p.iron_eddy_S > 0),
-        hysteresis=p.pole_pairs * p.iron_hysteresis_A_Wb,
-        eddy=p.pole_pairs**2 * p.iron_eddy_S,
+        **iron_values(p),
     )
 
 
@@ -139,13 +130,6 @@ def initial(m: np.record) -> np.ndarray:
 def fastest_per_s(m: np.record) -> float:
     """Largest decay rate of the windings at standstill."""
     return float(np.abs(np.linalg.eigvals(m.slope[:, :6])).max())
-
-
-@compiled
-def iron_torque(m, y, omega):
-    """The torque lost to the iron's loss."""
-    per_Wb2 = m.hysteresis * tanh(omega / IRON_RAD_S) + m.eddy * omega
-    return per_Wb2 * (y[0] * y[0] + y[1] * y[1])
 
 
 @implements(machine.derivative, "induction")

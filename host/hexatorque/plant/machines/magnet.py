@@ -12,7 +12,8 @@ The factor 3 belongs to the amplitude-invariant transform. The magnets' flux in 
 a is psi_f (cos(t - a) + sum e_n/n cos(n(t - a) + phi_n)), e_n being the share of the n-th harmonic
 in the induced voltage. Its parts in both planes follow from where the phases lie: with a
 displacement of 30 degrees the fifth and the seventh harmonic are in x-y, the eleventh and the
-thirteenth in alpha-beta; with 0 and 60 degrees all are in alpha-beta.
+thirteenth in alpha-beta; with 0 and 60 degrees all are in alpha-beta. The iron's loss takes a part
+of T_e (plant/iron.py).
 
 (Levi, Bojoi, Profumo, Toliyat, Williamson, IET Electr. Power Appl. 1(4), 2007: multiphase machines
 by vector space decomposition. Boldea, Paicu, Andreescu, IEEE Trans. Power Electron. 24(1), 2009:
@@ -28,6 +29,9 @@ import numpy as np
 from .. import machine
 from ..compiled import compiled
 from ..elementary import sin, turned
+from ..iron import FIELDS as IRON_FIELDS
+from ..iron import iron_torque
+from ..iron import values as iron_values
 from ..load import load_torque
 from ..machine import implements
 from ..record import record
@@ -58,7 +62,8 @@ RECORD = np.dtype(
         ("start_rad", "f8"),  # electrical angle of the d axis at theta = 0
         ("inertia", "f8"),
         ("viscous", "f8"),
-    ]
+        *IRON_FIELDS,
+        ]
 )
 
 
@@ -108,6 +113,7 @@ def make(p: Parameters) -> np.record:
         start_rad=np.deg2rad(p.start_deg),
         inertia=p.inertia_kgm2,
         viscous=p.viscous_Nms,
+        **iron_values(p),
     )
 
 
@@ -202,6 +208,8 @@ def derivative(m, load, y, v, k):
     k[4] = 0.0
     k[5] = 0.0
     torque = _torque(m, turn, ab_t, xy_t, i_ab, i_xy, y[7])
+    if m.iron != 0:
+        torque -= iron_torque(m, y, y[6])
     k[6] = (torque - m.viscous * y[6] - load_torque(load, y[6])) / m.inertia
     k[7] = y[6]
 
@@ -294,6 +302,8 @@ def torque_Nm(m, y, i):
 def losses(m, y, drop):
     drop[0] = 0.0
     drop[1] = 0.0
+    if m.iron != 0:
+        return iron_torque(m, y, y[6]) * y[6]
     return 0.0
 
 
@@ -301,10 +311,14 @@ def losses(m, y, drop):
 def coast(m, load, y, dt, most_V):
     """The magnets' flux turns with the shaft."""
     k0 = -(m.viscous * y[6] + load_torque(load, y[6]) + _cogging(m, y[7])) / m.inertia
+    if m.iron != 0:
+        k0 -= iron_torque(m, y, y[6]) / m.inertia
     end = y[6] + dt * k0
     # Heun's rule: the speed hardly changes within a step.
     theta = y[7] + dt * 0.5 * (y[6] + end)
     k1 = -(m.viscous * end + load_torque(load, end) + _cogging(m, theta)) / m.inertia
+    if m.iron != 0:
+        k1 -= iron_torque(m, y, end) / m.inertia
     end = y[6] + 0.5 * dt * (k0 + k1)
     if m.most_emf_Wb * m.pole_pairs * max(abs(y[6]), abs(end)) > most_V:
         return False

@@ -24,6 +24,8 @@ class Parameters:
     psi_f_Wb: float  #: flux linkage of the magnets in alpha-beta, amplitude
     inertia_kgm2: float
     viscous_Nms: float = 0.0
+    iron_hysteresis_A_Wb: float = 0.0  #: iron loss over |psi_s|^2 p|w|; 0: none
+    iron_eddy_S: float = 0.0  #: iron loss over (|psi_s| p w)^2; 0: none
     drs_ohm: tuple[float, ...] = field(default=(0.0,) * 6)  #: added per phase
     #: Of the voltage that the magnets induce: amplitude over the fundamental's, and phase, for each
     #: of ORDERS.
