@@ -289,17 +289,18 @@ export class Drive {
       trips: Object.fromEntries(device.faults.map(({ name }, k) => [name, trips[k]]).filter(([, n]) => n)), events: [],
     };
     for (let at; (at = this.c.web_event(found.events.length));) {
-      const words = new DataView(this.c.memory.buffer, at, 60); // ht_log.h
+      const words = new DataView(this.c.memory.buffer, at, 68); // ht_log.h
       const octet = (k) => words.getUint8(k);
       const long = (word) => words.getUint32(2 * word, true);
       const float = (word) => words.getFloat32(2 * word, true);
+      const degC = (word) => (Number.isNaN(float(word)) ? null : float(word)); // null: nothing tells it
       found.events.push({
         event: events[octet(0)], state: device.states[octet(1)], scheme: this.shown(this.id("scheme"), octet(2)),
         sequence: long(2), powered_s: long(4), gates_s: long(6),
         causes: octet(0) === started ? [resets[octet(3)]] : [...named(device.faults, long(8)), ...named(device.warnings, words.getUint16(20, true))],
         limits: acting.filter((_, k) => (words.getUint16(22, true) >> k) & 1),
         vdc_V: float(12), currents_A: Object.fromEntries(this.tables.phases.map((name, k) => [name, float(14 + 2 * k)])),
-        speed_rpm: float(26), winding_degC: float(28),
+        speed_rpm: float(26), winding_degC: degC(28), device_degC: degC(30), sink_degC: degC(32),
       });
     }
     return found;

@@ -73,7 +73,7 @@ static struct {
     uint16_t at; /* ht_drive_write's */
     double snapshot[SNAPSHOT_VALUES];
     ht_drive_log log; /* without a memory: it lasts as long as the page */
-    uint16_t event[HT_LOG_WORDS];
+    uint16_t event[HT_LOG_ROW];
     double counters[COUNTERS];
     double limits[HT_LIMITS];
     const char *failure; /* why the plant stopped */

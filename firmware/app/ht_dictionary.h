@@ -29,7 +29,7 @@ enum {
 };
 
 /** Minor version of the protocol, told by the row of additions; HT_SERVICE_VERSION is the major. */
-#define HT_DICTIONARY_MINOR 4u
+#define HT_DICTIONARY_MINOR 5u
 
 /** Rows of a kind; 0 for an unknown one. */
 uint16_t ht_dictionary_rows(uint16_t kind);

@@ -59,6 +59,64 @@ static uint16_t both(uint16_t low, uint16_t high)
 
 /* --- events ---------------------------------------------------------------------------------- */
 
+/* Three temperatures in the two words of one (ht_log.h). */
+#define PACKED 0x8000u /* in word 1 */
+#define AT_WINDING 28u
+#define AT_DEVICE 30u
+#define AT_SINK 32u
+#define TEN_BITS 10u
+#define UNKNOWN 1023u
+#define COLDEST_DEGC (-100.0f)
+#define STEP_K 0.5f
+
+/* A temperature in ten bits; NaN if it is not `known`. */
+static uint32_t packed(bool known, float degC)
+{
+    float steps = (degC - COLDEST_DEGC) / STEP_K + 0.5f;
+    float most = (float)UNKNOWN;
+    uint32_t word = UNKNOWN - 1u;
+    if (!known) {
+        return UNKNOWN;
+    }
+    if (steps < most) {
+        word = (steps > 0.0f) ? (uint32_t)steps : 0u;
+    }
+    return word;
+}
+
+static float unpacked(uint32_t all, uint16_t which)
+{
+    uint16_t below = (uint16_t)(TEN_BITS * which);
+    uint32_t steps = (all >> below) & UNKNOWN;
+    return (steps == UNKNOWN) ? NAN : (COLDEST_DEGC + STEP_K * (float)steps);
+}
+
+static uint32_t temperatures(const ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    bool sink = (d->sensors[HT_SLOW_SINK] == (uint16_t)HT_NTC_WHOLE)
+                && ht_ntc_tells(&c->ntc[HT_SLOW_SINK], &d->ntc[HT_SLOW_SINK]);
+    bool winding = (c->heat.steps > 0.0f)
+                   || ht_ntc_tells(&c->ntc[HT_SLOW_WINDING], &d->ntc[HT_SLOW_WINDING]);
+    return packed(winding, ht_heat_winding_degC(&c->heat, &d->heat))
+           | (packed(c->device_heat.K_W > 0.0f, ht_drive_device_degC(d)) << TEN_BITS)
+           | (packed(sink, ht_drive_sink_degC(d)) << (2u * TEN_BITS));
+}
+
+/* An event as the memory has it becomes one as a reply has it. */
+static void unpack(uint16_t *words)
+{
+    uint32_t all = word32(&words[AT_WINDING]);
+    if ((words[1] & PACKED) == 0u) { /* of an earlier firmware */
+        all = ((uint32_t)UNKNOWN << TEN_BITS) | ((uint32_t)UNKNOWN << (2u * TEN_BITS));
+    } else {
+        words[1] = (uint16_t)(words[1] & ~(unsigned)PACKED);
+        put_float(&words[AT_WINDING], unpacked(all, 0u));
+    }
+    put_float(&words[AT_DEVICE], unpacked(all, 1u));
+    put_float(&words[AT_SINK], unpacked(all, 2u));
+}
+
 static bool take_token(ht_drive_log *l)
 {
     if (l->tokens == 0u) {
@@ -130,7 +188,7 @@ static void add_event(ht_drive_log *l, const ht_drive *d, uint16_t event, const 
         return;
     }
     words[0] = both(event, s->state);
-    words[1] = both((uint16_t)d->config->control.scheme, l->reset.cause);
+    words[1] = (uint16_t)(both((uint16_t)d->config->control.scheme, l->reset.cause) | PACKED);
     put_word32(&words[2], l->sequence);
     put_word32(&words[4], l->counters.powered_s);
     put_word32(&words[6], l->counters.gates_s);
@@ -142,7 +200,7 @@ static void add_event(ht_drive_log *l, const ht_drive *d, uint16_t event, const 
         put_float(&words[14u + (2u * leg)], s->in.i_A.p[leg]);
     }
     put_float(&words[26], s->speed_rpm);
-    put_float(&words[28], ht_heat_winding_degC(&d->config->heat, &d->heat));
+    put_word32(&words[AT_WINDING], temperatures(d));
     l->sequence++;
 }
 
@@ -453,16 +511,17 @@ ht_result ht_log_row(const ht_drive_log *l, const ht_drive *d, uint16_t row, uin
         for (w = 0u; w < HT_LOG_PAYLOAD; w++) {
             words[w] = l->queue[l->waiting - 1u - row][w];
         }
-        return HT_OK;
-    }
-    if (row >= ht_log_events(l)) {
+    } else if (row >= ht_log_events(l)) {
         return HT_ERROR_ID;
-    }
-    if ((ht_state_flags(d->state) & (unsigned)HT_AT_WORK) != 0u) {
+    } else if ((ht_state_flags(d->state) & (unsigned)HT_AT_WORK) != 0u) {
         return HT_ERROR_STATE;
+    } else if (!ht_log_ring_read(&l->ring, (uint16_t)(ht_log_events(l) - 1u - row), words)) {
+        return HT_ERROR_ID;
+    } else {
+        /* it is read */
     }
-    return ht_log_ring_read(&l->ring, (uint16_t)(ht_log_events(l) - 1u - row), words) ? HT_OK
-                                                                                      : HT_ERROR_ID;
+    unpack(words);
+    return HT_OK;
 }
 
 ht_result ht_log_forget(ht_drive_log *l, const ht_drive *d)

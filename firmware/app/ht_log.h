@@ -2,7 +2,7 @@
  *  The drive's memory over power cycles: a log of events (ht_events.def), and counters.
  *  ht_log_ring.h says how they lie in the memory.
  *
- *  Words of an event, numbers of 32 bits with the low word first. A reply to LIST has them, too:
+ *  Words of an event, numbers of 32 bits with the low word first:
  *
  *      0   event, in the high octet the state             12  dc-link voltage, V
  *      1   scheme, in the high octet the cause of the     14  currents of the phases, A, as in the channels
@@ -10,9 +10,13 @@
  *      2   sequence number                                28  temperature of the winding, degC
  *      4   seconds powered
  *      6   seconds with the gates on
- *      8   fault bits that took the gates off
- *      10  warning bits
+ *      8   fault bits that took the gates off          30  of the power stage's hottest leg, by its model
+ *      10  warning bits                                32  of the heat sink, by its thermistor
  *      11  limits that acted (channel `limits`)
+ *
+ *  A reply to LIST has them. A temperature is NaN if nothing tells it. In RAM and in the memory all three lie in
+ *  words 28 and 29, in ten bits each from the lowest on: half kelvins above -100 degC, all bits set for NaN. The
+ *  highest bit of word 1 says so: events of an earlier firmware, without it, have the winding's as a float.
  *
  *  Words of the counters: 1 events that were missed, 2 seconds powered, 4 seconds with the gates on, 6 starts;
  *  the largest 8 dc-link voltage, 10 phase current, 12 speed, 14 temperature of the winding. Of the trips:
@@ -36,6 +40,7 @@
 #define HT_LOG_QUEUE 8u  /**< events that wait to be written */
 #define HT_LOG_TRIPS 27u /**< faults whose trips are counted */
 #define HT_LOG_TOKENS 64u
+#define HT_LOG_ROW (HT_LOG_PAYLOAD + 4u) /**< words of an event in a reply */
 
 /** An event. */
 enum {
@@ -97,7 +102,7 @@ void ht_log_turn(ht_drive_log *l, const ht_drive *d, bool alone);
 bool ht_log_keeps(const ht_drive_log *l);
 /** The number of events. */
 uint16_t ht_log_events(const ht_drive_log *l);
-/** An event into `words`, HT_LOG_WORDS of them, of which HT_LOG_PAYLOAD count; row 0 is the latest. HT_ERROR_ID: there is
+/** An event into `words`, HT_LOG_ROW of them; row 0 is the latest. HT_ERROR_ID: there is
  *  none, or it cannot be read. HT_ERROR_STATE: it is in the memory, which is read with the gates off only. */
 ht_result ht_log_row(const ht_drive_log *l, const ht_drive *d, uint16_t row, uint16_t *words);
 

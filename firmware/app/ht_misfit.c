@@ -192,23 +192,19 @@ float ht_misfit_ripple_Hz(const ht_params *p)
     return ripple_pu * v[HT_P_vdc_max_V] / (RIPPLE_SHARE * v[HT_P_i_trip_A] * v[HT_P_lxy_H]);
 }
 
-float ht_misfit_stop_s(const ht_params *p)
+float ht_misfit_stop_s(const ht_params *p, uint16_t misfit)
 {
     const float *v = p->v;
-    float down_rpm_s = v[HT_P_ramp_down_rpm_s];
-    float quick_rpm_s = v[HT_P_quick_stop_rpm_s];
-    float ramp_s = 0.0f;
-    float quick_s = 0.0f;
-    if (down_rpm_s > 0.0f) {
-        ramp_s = v[HT_P_speed_trip_rpm] / down_rpm_s;
-        if (v[HT_P_ramp_jerk_rpm_s2] > 0.0f) {
-            ramp_s += down_rpm_s / v[HT_P_ramp_jerk_rpm_s2];
+    bool quick = misfit == (uint16_t)HT_MISFIT_QUICK_STOP_TIME;
+    float rpm_s = v[quick ? HT_P_quick_stop_rpm_s : HT_P_ramp_down_rpm_s];
+    float stop_s = 0.0f;
+    if (rpm_s > 0.0f) {
+        stop_s = v[HT_P_speed_trip_rpm] / rpm_s;
+        if (!quick && (v[HT_P_ramp_jerk_rpm_s2] > 0.0f)) {
+            stop_s += rpm_s / v[HT_P_ramp_jerk_rpm_s2];
         }
     }
-    if (quick_rpm_s > 0.0f) {
-        quick_s = v[HT_P_speed_trip_rpm] / quick_rpm_s;
-    }
-    return (ramp_s > quick_s) ? ramp_s : quick_s;
+    return stop_s;
 }
 
 float ht_misfit_heat_per_s(const ht_params *p)
@@ -406,7 +402,8 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
                           ht_misfit_ntc_degC(p, misfit));
         break;
     case HT_MISFIT_STOP_TIME:
-        result = v[HT_P_stop_s] >= ht_misfit_stop_s(p);
+    case HT_MISFIT_QUICK_STOP_TIME:
+        result = v[HT_P_stop_s] >= ht_misfit_stop_s(p, misfit);
         break;
     case HT_MISFIT_LEAST_LOSS:
         result = (v[HT_P_machine] == 0.0f) || (v[HT_P_flux_least_loss] == 0.0f)

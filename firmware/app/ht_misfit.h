@@ -42,8 +42,8 @@ float ht_misfit_heat_per_s(const ht_params *p);
 /** Highest temperature that the readings of a misfit's thermistor must tell. */
 float ht_misfit_ntc_degC(const ht_params *p, uint16_t misfit);
 
-/** Least `stop_s`: what the ramps take from `speed_trip_rpm` down; 0 without a ramp. */
-float ht_misfit_stop_s(const ht_params *p);
+/** Least `stop_s`: what a misfit's ramp takes from `speed_trip_rpm` down; 0 without a ramp. */
+float ht_misfit_stop_s(const ht_params *p, uint16_t misfit);
 
 /** With magnets: largest current of a short circuit of all legs, A, just beyond `speed_trip_rpm`. */
 float ht_misfit_short_A(const ht_params *p);

@@ -100,7 +100,7 @@ static uint16_t list_counters(ht_service *l, uint16_t row)
 static uint16_t list_event(ht_service *l, uint16_t row)
 {
     ht_packet *p = &l->reply;
-    uint16_t words[HT_LOG_WORDS];
+    uint16_t words[HT_LOG_ROW];
     uint16_t k;
     ht_result result = (l->setup.log != NULL) ? ht_log_row(l->setup.log, l->drive, row, words)
                                               : HT_ERROR_ID;
@@ -109,7 +109,7 @@ static uint16_t list_event(ht_service *l, uint16_t row)
     }
     ht_packet_add8(p, HT_LIST_EVENTS);
     ht_packet_add16(p, row);
-    for (k = 0u; k < HT_LOG_PAYLOAD; k++) {
+    for (k = 0u; k < HT_LOG_ROW; k++) {
         ht_packet_add16(p, words[k]);
     }
     return HT_OK;

@@ -318,10 +318,14 @@ def least_band_V(value_of: Callable[[str], Any]) -> float:
     return float(lib.ht_misfit_band_V(ffi.new("ht_params *", [values])))
 
 
-def _least_stop_s(value_of: Callable[[str], Any]) -> float:
-    """Least `stop_s` that holds the ramps."""
-    values = [row.parse(value_of(name)) for name, row in parameters().items()]
-    return float(lib.ht_misfit_stop_s(ffi.new("ht_params *", [values])))
+def _least_stop_s(misfit: int) -> Callable[[Callable[[str], Any]], float]:
+    """Least `stop_s` that holds a misfit's ramp."""
+
+    def least(value_of: Callable[[str], Any]) -> float:
+        values = [row.parse(value_of(name)) for name, row in parameters().items()]
+        return float(lib.ht_misfit_stop_s(ffi.new("ht_params *", [values]), misfit))
+
+    return least
 
 
 def _least_winding_s(value_of: Callable[[str], Any]) -> float:
@@ -348,7 +352,8 @@ def least_ripple_Hz(value_of: Callable[[str], Any]) -> float:
 #: The same with its least value.
 _LEAST: dict[int, Callable[[Callable[[str], Any]], float]] = {
     lib.HT_MISFIT_VDC_BAND: least_band_V,
-    lib.HT_MISFIT_STOP_TIME: _least_stop_s,
+    lib.HT_MISFIT_STOP_TIME: _least_stop_s(lib.HT_MISFIT_STOP_TIME),
+    lib.HT_MISFIT_QUICK_STOP_TIME: _least_stop_s(lib.HT_MISFIT_QUICK_STOP_TIME),
     lib.HT_MISFIT_HEAT_TIMES: _least_winding_s,
     lib.HT_MISFIT_SHORT_BEARS: _least_short_A,
     lib.HT_MISFIT_XY_RIPPLE: least_ripple_Hz,

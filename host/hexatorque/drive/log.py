@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import struct
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -15,6 +16,9 @@ from ..serial import LinkError, wire
 from ..serial.client import Client
 from ..serial.dictionary import Dictionary
 from ..serial.wire import Op, Status
+
+#: Temperatures of an event.
+TEMPERATURES = ("winding_degC", "device_degC", "sink_degC")
 
 
 class Event(NamedTuple):
@@ -31,7 +35,13 @@ class Event(NamedTuple):
     vdc_V: float
     currents_A: dict[str, float]
     speed_rpm: float
-    winding_degC: float
+    winding_degC: float | None  #: of the hottest phase; None: nothing tells it
+    device_degC: float | None  #: of the power stage's hottest leg, by its model
+    sink_degC: float | None  #: of the heat sink, by its thermistor
+
+    @property
+    def temperatures_degC(self) -> list[float | None]:
+        return [getattr(self, name) for name in TEMPERATURES]
 
 
 class Log(NamedTuple):
@@ -50,14 +60,15 @@ class Log(NamedTuple):
         table = csv.writer(text, lineterminator="\n")
         table.writerow(
             ["sequence", "event", "powered_s", "gates_s", "causes", "state", "scheme", "limits",
-             "vdc_V", *(f"i_{phase}_A" for phase in PHASES), "speed_rpm", "winding_degC"]
+             "vdc_V", *(f"i_{phase}_A" for phase in PHASES), "speed_rpm", *TEMPERATURES]
         )  # fmt: skip
         for one in self.events:
             table.writerow(
                 [one.sequence, one.event, one.powered_s, one.gates_s, "; ".join(one.causes),
                  one.state, one.scheme, "; ".join(one.limits), f"{one.vdc_V:.6g}",
                  *(f"{value:.6g}" for value in one.currents_A.values()),
-                 f"{one.speed_rpm:.6g}", f"{one.winding_degC:.6g}"]
+                 f"{one.speed_rpm:.6g}",
+                 *("" if degC is None else f"{degC:.6g}" for degC in one.temperatures_degC)]
             )  # fmt: skip
         return text.getvalue()
 
@@ -105,7 +116,7 @@ def _named(one: wire.Event, client: Client, dictionary: Dictionary) -> Event:
     return Event(
         one.sequence, name, one.powered_s, one.gates_s, causes, client.state(one.state).name,
         scheme, limits(one.limits), one.vdc_V, dict(zip(PHASES, one.currents_A)), one.speed_rpm,
-        one.winding_degC,
+        *(None if math.isnan(degC := getattr(one, name)) else degC for name in TEMPERATURES),
     )  # fmt: skip
 
 

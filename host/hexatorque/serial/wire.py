@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from enum import IntEnum
@@ -471,10 +472,13 @@ class Event(NamedTuple):
     vdc_V: float
     currents_A: tuple[float, ...]
     speed_rpm: float
-    winding_degC: float
+    winding_degC: float  #: a temperature that nothing tells is NaN
+    device_degC: float
+    sink_degC: float
 
 
 _EVENT = struct.Struct("<BBBBIIIIHHf6fff")
+_EVENT_MORE = struct.Struct("<ff")
 
 
 def parse_event(payload: bytes, row: int) -> Event:
@@ -482,7 +486,10 @@ def parse_event(payload: bytes, row: int) -> Event:
     if len(payload) < 3 + _EVENT.size or struct.unpack_from("<BH", payload) != (EVENTS, row):
         raise WireError(f"not event {row}")
     *first, a, b, c, d, e, f, speed, winding = _EVENT.unpack_from(payload, 3)
-    return Event._make((*first, (a, b, c, d, e, f), speed, winding))
+    more = (math.nan, math.nan)  # before version 2.5
+    if len(payload) >= 3 + _EVENT.size + _EVENT_MORE.size:
+        more = _EVENT_MORE.unpack_from(payload, 3 + _EVENT.size)
+    return Event._make((*first, (a, b, c, d, e, f), speed, winding, *more))
 
 
 class LimitRow(NamedTuple):

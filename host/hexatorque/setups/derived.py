@@ -207,6 +207,14 @@ DEVICES = {
 }
 
 
+def standing_leg_W(setup: Values, values: Mapping[str, Any]) -> float:
+    """Loss of the leg that carries the amplitude of rated current at a standstill, by
+    drops and energies of [inverter], with or without temperatures. values: the controller's."""
+    known = Known(setup, values, left_open=DEVICES)
+    known.rules = {**known.rules, **DEVICES}
+    return _leg_W(known)
+
+
 def has_chains(setup: Values) -> bool:
     """Whether the devices of the simulated power stage have temperatures."""
     return any((*setup["heat.switch_K_W"], *setup["heat.diode_K_W"]))

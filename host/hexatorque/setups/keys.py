@@ -246,9 +246,9 @@ KEYS: dict[str, dict[str, Key]] = {
     },
     "heat": {
         "winding_K_W": _n(
-            "thermal resistance from the winding to the frame, 0: no temperatures",
+            "thermal resistance from the winding to the frame; without it no temperatures",
             "K/W",
-            0,
+            1e-5,
             1e3,
             0.0,
         ),
@@ -258,8 +258,8 @@ KEYS: dict[str, dict[str, Key]] = {
         "ambient_degC": _n("ambient temperature, and the machine's", "degC", -50, 150, 40.0),
         "ohm_degC": _n("temperature at which rs_ohm and rr_ohm are stated", "degC", -50, 250, 20.0),
         "switch_K_W": _four(
-            "thermal resistances of a switch from junction to heat sink, as a Foster chain; these "
-            "and diode_K_W all 0: no temperatures of devices",
+            "thermal resistances of a switch from junction to heat sink, as a Foster chain; "
+            "without these and diode_K_W no temperatures of devices",
             "K/W",
             0,
             1e3,
@@ -268,7 +268,13 @@ KEYS: dict[str, dict[str, Key]] = {
         "switch_s": _four("their time constants", "s", 1e-5, 1e4, (1e-3, 1e-2, 0.1, 1.0)),
         "diode_K_W": _four("the same of a diode", "K/W", 0, 1e3, (0.0,) * 4),
         "diode_s": _four("their time constants", "s", 1e-5, 1e4, (1e-3, 1e-2, 0.1, 1.0)),
-        "sink_K_W": _n("thermal resistance from the heat sink to the ambient", "K/W", 0, 1e3, 0.0),
+        "sink_K_W": _n(
+            "thermal resistance from the heat sink to the ambient; without it both are as warm",
+            "K/W",
+            1e-5,
+            1e3,
+            0.0,
+        ),
         "sink_s": _n("thermal time constant of the heat sink", "s", 0.01, 1e6, 300.0),
         "devices_degC": _n("temperature at which the drops are stated", "degC", -50, 250, 25.0),
         "switch_V_per_K": _n("relative change of v_switch_V", "1/K", -0.02, 0.02, -1e-3),
@@ -336,7 +342,6 @@ ZERO_OR_AT_LEAST = {
     "inverter.source_H": ("none", 1e-7),
     "inverter.line_Hz": ("a direct source", 1.0),
     "inverter.precharge_ohm": ("none", 1e-3),
-    "heat.winding_K_W": ("no temperatures", 1e-5),
     "inverter.chopper_ohm": ("none", 1e-3),
     "load.holding_Nm": ("none", 1e-3),
     "rated.torque_Nm": ("not known", 1e-4),

@@ -27,6 +27,7 @@ from .derived import (
     Known,
     device_rise_K,
     has_chains,
+    standing_leg_W,
     write_delay_us,
 )
 from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Demand, Design, rad_s
@@ -70,6 +71,8 @@ SWITCHES = "switching frequency at full voltage, about"
 #: The level that is proposed for braking lies at this share of the way from the source's voltage to
 #: the highest one, with a band of the second share at least.
 LEVEL_SHARE, BAND_SHARE = 0.8, 0.2
+#: A lower level must be above this share of vdc_min_V (VDC_LOW), and a margin.
+LOW_SHARE = 1.05
 
 
 @dataclass(frozen=True)
@@ -127,6 +130,7 @@ def review(setup: Setup, schemes: Iterable[str], steady: bool = True) -> list[Fi
         *_loops(design),
         *_speed(design),
         *_power_stage(design),
+        *_proposed_heat(design),
     ]
     for name in schemes:
         found = [*_scheme(design, name), *(_steady(setup, design, name) if steady else ())]
@@ -431,18 +435,29 @@ def _rated_degC(d: Design) -> float:
     """Temperature of the winding at which its losses at rated current settle, as the controller is
     told them; the rotor's are about as much as the slip takes of the torque."""
     p = d.parameter
-    ohm_per_K = PER_K * p("rs_ohm") / (1 + PER_K * (p("rs_degC") - 20))
-    i2_A2 = 3 * d.rated_A**2  # six phases, amplitude
-    ambient_W = i2_A2 * (p("rs_ohm") + ohm_per_K * (p("ambient_degC") - p("rs_degC")))
-    rotor_W = 0.0
-    if not d.magnets:
-        slip_rad_s = d.machine.slip_rad_s(d.rated_Nm, d.flux_Wb)
-        rotor_W = d.rated_Nm * slip_rad_s / d.machine.pole_pairs
+    ambient_W, W_per_K = _rated_copper(d)
     both_K_W = p("winding_K_W") + p("frame_K_W")
-    grows = i2_A2 * ohm_per_K * both_K_W
+    grows = W_per_K * both_K_W
     if grows >= 1:
         return math.inf
-    return p("ambient_degC") + (ambient_W * both_K_W + rotor_W * p("frame_K_W")) / (1 - grows)
+    rotor_K = _rated_rotor_W(d) * p("frame_K_W")
+    return p("ambient_degC") + (ambient_W * both_K_W + rotor_K) / (1 - grows)
+
+
+def _rated_copper(d: Design) -> tuple[float, float]:
+    """Loss of the stator's winding at rated current and ambient temperature, W, and its change per
+    kelvin, as the controller is told them."""
+    p = d.parameter
+    ohm_per_K = PER_K * p("rs_ohm") / (1 + PER_K * (p("rs_degC") - 20))
+    i2_A2 = 3 * d.rated_A**2  # six phases, amplitude
+    ambient_ohm = p("rs_ohm") + ohm_per_K * (p("ambient_degC") - p("rs_degC"))
+    return i2_A2 * ambient_ohm, i2_A2 * ohm_per_K
+
+
+def _rated_rotor_W(d: Design) -> float:
+    if d.magnets:
+        return 0.0
+    return d.rated_Nm * d.machine.slip_rad_s(d.rated_Nm, d.flux_Wb) / d.machine.pole_pairs
 
 
 def _fits(d: Design) -> Iterator[Finding]:
@@ -789,7 +804,9 @@ def _link(d: Design) -> Iterator[Finding]:
             )  # fmt: skip
         else:
             yield _told("resistor that takes this power, at most", most_ohm, "ohm")
-    elif link_F > 0:
+    if link_F > 0 and p("vdc_low_V") == 0:
+        yield from _buffered(d)
+    if chopper_V == 0 and link_F > 0:
         energy_J = 0.5 * d.machine.inertia_kgm2 * speed_rad_s**2
         reached_V = math.hypot(max(d.links_V), math.sqrt(2 * energy_J / link_F))
         if p("vdc_high_V") == 0:
@@ -797,6 +814,31 @@ def _link(d: Design) -> Iterator[Finding]:
                 "dc link after braking from the fastest speed, without losses", reached_V,
                 p("vdc_max_V"), "V", _limited_link(d, energy_J), "note",
             )  # fmt: skip
+
+
+def _buffered(d: Design) -> Iterator[Finding]:
+    """The level at which the shaft may feed the link through a dip of the source: as far from the
+    source's voltage, on the way to the least one, as the upper level. Nothing if the capacitor
+    holds no band there. Without field weakening the level must turn the flux reference."""
+    from .. import firmware
+
+    p, source_V = d.parameter, d.vdc_V
+    least_V = LOW_SHARE * p("vdc_min_V")
+    if p("field_weakening") == "off" and (base_rpm := d.base_rpm(usable=1.0)) > 0:
+        least_V = max(least_V, source_V * (d.asked_rpm or d.rated_rpm) / base_rpm)
+    room_V = source_V - least_V
+    if room_V <= 0:
+        return
+    low_V = source_V - LEVEL_SHARE * room_V
+
+    def with_level(name: str) -> Any:
+        return low_V if name == "vdc_low_V" else p(name)
+
+    band_V = max(firmware.least_band_V(with_level), BAND_SHARE * room_V, p("vdc_band_V"))
+    high_V = p("vdc_high_V")
+    if band_V <= source_V - low_V and (high_V == 0 or high_V - 2 * band_V > low_V):
+        yield _told("vdc_low_V that rides through a dip of the source", low_V, "V")
+        yield _told("vdc_band_V with it", band_V, "V")
 
 
 def _limited_link(d: Design, energy_J: float) -> str:
@@ -821,6 +863,24 @@ def _limited_link(d: Design, energy_J: float) -> str:
     return (
         f"set controller.vdc_high_V = {high_V:.4g} and vdc_band_V = {band_V:.3g}, or take {others}"
     )
+
+
+def _proposed_heat(d: Design) -> Iterator[Finding]:
+    """Where the drive has no model of a temperature: the largest thermal resistances with which
+    rated current keeps it below its limit. Balance in steady state: (limit - ambient)/loss. The
+    rotor's loss, which passes the frame only, counts as if it passed both."""
+    p = d.parameter
+    if p("winding_K_W") == 0 and (rise_K := p("winding_limit_degC") - p("ambient_degC")) > 0:
+        ambient_W, W_per_K = _rated_copper(d)
+        loss_W = ambient_W + W_per_K * rise_K + _rated_rotor_W(d)
+        yield _told("winding_K_W + frame_K_W that keep rated current, at most", rise_K / loss_W,
+                    "K/W")  # fmt: skip
+    if p("device_K_W") == 0 and (rise_K := p("device_limit_degC") - p("ambient_degC")) > 0:
+        leg_W = standing_leg_W(d.setup, parameters(cast(Setup, d.setup)))
+        if leg_W > 0:
+            yield _told("loss of a leg with rated current at a standstill", leg_W, "W")
+            yield _told("device_K_W, with its part of the heat sink, that bears it, at most",
+                        rise_K / leg_W, "K/W")  # fmt: skip
 
 
 def _power_stage(d: Design) -> Iterator[Finding]:

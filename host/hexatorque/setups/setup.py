@@ -203,10 +203,18 @@ def inconsistent(setup: Setup) -> list[str]:
 _HEAT_S = 0.05
 
 
+CHAINS = ("switch_K_W", "diode_K_W")
+
+
 def _heat_lines(setup: Setup) -> list[str]:
     """The same about temperatures: so quick a time lapse would leave them behind the currents."""
-    lines = []
-    chains = [key for key in ("switch_K_W", "diode_K_W") if any(setup[f"heat.{key}"])]
+    lines = [
+        f"heat.{key} = [0, 0, 0, 0]: allowed is 1e-05 to 1000 K/W for one of them at least; "
+        "without this key the devices are as warm as the heat sink"
+        for key in CHAINS
+        if key in setup.values["heat"] and sum(setup[f"heat.{key}"]) < 1e-5
+    ]
+    chains = [key for key in CHAINS if any(setup[f"heat.{key}"])]
     heats = (*(f"inverter.{key}" for key in DROPS), "inverter.e_on_mJ", "inverter.e_off_mJ")
     if chains and not any(setup[path] for path in heats):
         lines.append(

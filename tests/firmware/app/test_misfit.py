@@ -100,7 +100,7 @@ CASES = {
     ),
     "STOP_TIME": (
         {"ramp_down_rpm_s": 500.0, "ramp_jerk_rpm_s2": 250.0},
-        "stop_s = 10 s, ramp_down_rpm_s = 500 r/min/s: allowed is 14 s and more: a stop from",
+        "stop_s = 10 s, ramp_down_rpm_s = 500 r/min/s: allowed is 14 s and more: a stop by",
     ),
     "LEAST_LOSS": (
         {**MAGNET, "flux_least_loss": "on"},
@@ -191,6 +191,10 @@ CASES = {
     "FLUX_BRAKE_TRIP": (
         {"flux_brake_share": 0.3, "vdc_high_V": 350.0, "flux_trip_Wb": 0.93},
         "flux_brake_share = 0.3, flux_trip_Wb = 0.93 Wb: 1.2 times the raised flux, (1 + flux",
+    ),
+    "QUICK_STOP_TIME": (
+        {"quick_stop_rpm_s": 500.0, "ramp_down_rpm_s": 1000.0, "speed_trip_rpm": 6000.0},
+        "stop_s = 10 s, quick_stop_rpm_s = 500 r/min/s: allowed is 12 s and more: a quick stop",
     ),
 }
 

@@ -2,6 +2,7 @@
 with the gates off only. (Power that fails within a write, damage and wear: tests/c/test_log.c.)"""
 
 import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -297,3 +298,80 @@ def test_a_start_that_trips_before_the_background_looks_is_counted():
     device.tick(SETTLE)
     assert counters(device).starts == 1
     assert firmware.STATES[events(device)[0].state] == "calibrate"
+
+
+def test_a_temperature_that_nothing_tells_is_absent():
+    (first,) = events(board())
+    assert np.isnan([first.winding_degC, first.device_degC, first.sink_degC]).all()
+
+
+#: Each temperature of an event, and what tells it.
+TOLD = {
+    "winding_degC": {"winding_K_W": 0.4},
+    "device_degC": {"device_K_W": 0.5},
+    "sink_degC": {"sink_ntc_ohm": 10e3},
+}
+
+
+def warm(device, winding_degC, device_degC, counts):
+    """The models have these temperatures, and the heat sink's input this reading."""
+    ambient_degC = device.controller.number("ambient_degC")
+    sink_degC = device.channel("sink_degC")
+    device.drive.heat.rise_K = [0.5 * (winding_degC - ambient_degC)] * 5 + [
+        winding_degC - ambient_degC
+    ]
+    device.drive.device_heat.rise_K = [device_degC - sink_degC] + [0.0] * 5
+    m = device.controller.map
+    for address in m.adc_slow_result:
+        device.controller.register_words()[address] = counts << m.adc_shift
+
+
+@pytest.mark.parametrize("told", [(name,) for name in TOLD] + [tuple(TOLD)])
+def test_an_event_has_the_temperatures_that_are_told(told):
+    """After a power-off too, and within the quarter of a kelvin that rounding takes."""
+    device = board(**{k: v for name in told for k, v in TOLD[name].items()}, device_s=10.0)
+    for _ in range(100):  # the sensors' low pass has settled
+        warm(device, 93.3, 104.6, 1500)
+        device.tick()
+        lib.ht_drive_slow_isr(device.drive)
+    expected = {name: device.channel(name) for name in told}
+    trip(device, FAULTS["over-current"])
+    for latest in (events(device)[0], events(again(device))[1]):
+        assert latest.faults == FAULTS["over-current"]
+        for name in TOLD:
+            found = getattr(latest, name)
+            assert np.isnan(found) if name not in told else abs(found - expected[name]) <= 0.26
+    if len(told) == 3:
+        assert expected["sink_degC"] > 50 and len({round(v) for v in expected.values()}) == 3
+
+
+@pytest.mark.parametrize(("degC", "said"), [(-99.8, -100), (299.4, 299.5), (5e3, 411)])
+def test_a_temperature_beyond_what_an_event_holds_is_the_nearest_one(degC, said):
+    device = board(winding_K_W=0.4)
+    device.drive.heat.rise_K = [degC - device.controller.number("ambient_degC")] * 6
+    trip(device, FAULTS["over-current"])
+    assert events(device)[0].winding_degC == said
+
+
+def sealed(words: bytes) -> bytes:
+    """A slot of the memory: its words, and their CRC."""
+    return words.ljust(60, b"\0") + struct.pack("<I", zlib.crc32(words.ljust(60, b"\0")))
+
+
+def test_events_of_an_earlier_firmware_are_read():
+    """The winding's temperature was a float, and there was no other."""
+    old = struct.pack(
+        "<BBBBIIIIHHf6fff", lib.HT_EVENT_TRIP, 3, 4, 1, 17, 7000, 3600, FAULTS["over-current"], 0,
+        0, 311.0, *(1.5, -1.5, 2.5, -2.5, 0.5, -0.5), -1450.0, 94.6,
+    )  # fmt: skip
+    areas = bytearray(b"\xff" * MemoryStore.SIZE)
+    areas[MemoryStore.LOG : MemoryStore.LOG + 128] = sealed(struct.pack("<HHI", 0xFFFE, 1, 1)) + (
+        sealed(old)
+    )
+    device = again(board(areas, winding_K_W=0.4))
+    *new, latest = events(device)
+    assert [one.sequence for one in (*new, latest)] == [19, 18, 17]
+    assert latest.reset == 1 and latest.scheme == 4 and latest.speed_rpm == -1450
+    assert latest.winding_degC == np.float32(94.6)
+    assert np.isnan([latest.device_degC, latest.sink_degC]).all()
+    assert counters(device).powered_s == 7000 and counters(device).current_A == 2.5

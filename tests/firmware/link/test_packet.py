@@ -295,7 +295,7 @@ def test_golden_frames_equal_the_hosts_frames():
     event = wire.parse_event(wire.parse_reply(golden["reply to LIST, an event"]).payload, 0)
     assert event == (
         2, 3, 4, 1, 17, 7000, 3600, 0x10001, 0x400, 0x10, 311.0,
-        (1.5, -1.5, 2.5, -2.5, 0.5, -0.5), -1450.0, 94.5,
+        (1.5, -1.5, 2.5, -2.5, 0.5, -0.5), -1450.0, 94.5, 101.5, 61.0,
     )  # fmt: skip
     limit = wire.parse_limit(wire.parse_reply(golden["reply to LIST, a limit"]).payload, 2)
     assert limit == (4, True, 0x01020000, 0x01020300, "dc link low", "vdc_low_V")

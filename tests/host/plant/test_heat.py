@@ -108,7 +108,23 @@ def test_a_time_lapse_that_leaves_the_bodies_behind_is_refused():
     assert str(refused.value) == (
         "heat.time_lapse = 5000: allowed is up to 1200 with a thermal time constant of 60 s"
     )
-    with pytest.raises(SetupError, match=r"heat\.winding_K_W = 1e-07: allowed is 0 "):
-        load("paper-a").changed({"heat.winding_K_W": 1e-7})
-    with pytest.raises(SetupError, match=r"heat\.frame_K_W = 0.*1e-05 .. 1000 K/W"):
-        load("paper-a").changed({"heat.frame_K_W": 0.0})
+
+
+@pytest.mark.parametrize("key", ["winding_K_W", "frame_K_W", "sink_K_W"])
+@pytest.mark.parametrize("told", [0, 1e-7])
+def test_a_thermal_resistance_of_0_is_refused(key, told):
+    """It stands for no "off": the key is left out for that."""
+    with pytest.raises(SetupError) as refused:
+        load("paper-a").changed({f"heat.{key}": told})
+    assert str(refused.value) == f"heat.{key} = {told}: allowed range is 1e-05 .. 1000 K/W"
+
+
+@pytest.mark.parametrize("key", ["switch_K_W", "diode_K_W"])
+def test_a_chain_of_zeros_is_refused(key):
+    other = {"switch_K_W": "diode_K_W", "diode_K_W": "switch_K_W"}[key]
+    base = load("paper-a").changed({"inverter.v_switch_V": 1.0, f"heat.{other}": [0.1, 0, 0, 0]})
+    for setup in (base, load("paper-a")):
+        with pytest.raises(SetupError) as refused:
+            setup.changed({f"heat.{key}": [0, 0, 0, 0]})
+        (line,) = str(refused.value).splitlines()
+        assert line.startswith(f"heat.{key} = [0, 0, 0, 0]: allowed is 1e-05 to 1000 K/W for one")

@@ -617,3 +617,98 @@ def test_a_chip_that_is_too_slow_for_the_sampling_frequency(chip, clock_Hz, thd_
         assert told.verdict == verdict and chip in told.subject
         assert told.value == pytest.approx(1e6 * cycles / clock_Hz)
     assert f"f_isr_Hz to {most_Hz // 1000:.0f}000" in told.advice
+
+
+#: Where the drive has no model of a temperature, the largest resistances are told.
+WINDING, DEVICE, LEG = (
+    "winding_K_W + frame_K_W that keep rated current, at most",
+    "device_K_W, with its part of the heat sink, that bears it, at most",
+    "loss of a leg with rated current at a standstill",
+)
+
+
+def by_subject(setup):
+    return {f.subject: f for f in review(setup, [])}
+
+
+def test_a_winding_with_the_told_resistance_bears_rated_current_and_one_with_more_does_not():
+    """Rise over loss: copper at the limit's temperature, and slip times torque. In a simulation at
+    rated current, 30 times as quick, the winding settles below the limit."""
+    base = setups.load("small-2kw").changed(inverter__v_switch_V=0.0, inverter__v_diode_V=0.0)
+    most_K_W = by_subject(base)[WINDING].value
+    p, d = base.parameter, Design(base, base.parameter)
+    hot_ohm = p("rs_ohm") * (234.5 + p("winding_limit_degC")) / (234.5 + p("rs_degC"))
+    slip_W = d.rated_Nm * d.machine.slip_rad_s(d.rated_Nm, d.flux_Wb) / d.machine.pole_pairs
+    rise_K = p("winding_limit_degC") - p("ambient_degC")
+    assert most_K_W == pytest.approx(rise_K / (3 * d.rated_A**2 * hot_ohm + slip_W), rel=2e-3)
+    settles = "winding at rated current, in the end"
+    for share, verdict in ((1.6, "note"), (1.0, "ok")):
+        setup = base.changed({
+            "heat.winding_K_W": 0.7 * share * most_K_W, "heat.frame_K_W": 0.3 * share * most_K_W,
+            "heat.frame_s": 60.0, "heat.time_lapse": 30.0, "point.speed_rpm": 1000.0,
+        })  # fmt: skip
+        found = by_subject(setup)
+        assert found[settles].verdict == verdict and WINDING not in found
+    sim = SimulatedDrive(setup, 1)
+    sim.start()
+    sim.set("speed_ref_rpm", 1000.0)
+    sim.run(1.0, record=False)
+    sim.set("load_Nm", d.rated_Nm)
+    sim.run(14.0, record=False)
+    assert sim.faults == [] and sim.speed_rpm == pytest.approx(1000, rel=0.01)
+    hottest_degC = sim.bodies.winding_degC.max()
+    assert hottest_degC < p("winding_limit_degC")
+    assert hottest_degC == pytest.approx(found[settles].value, abs=8)
+
+
+def test_a_power_stage_is_told_the_resistance_that_bears_a_standing_leg():
+    """v i + r i^2 + e f V i of the leg with the amplitude of rated current."""
+    setup = setups.load("small-2kw").changed({
+        "inverter.v_switch_V": 1.0, "inverter.v_diode_V": 1.4, "inverter.r_switch_ohm": 0.02,
+        "inverter.r_diode_ohm": 0.02, "inverter.e_on_mJ": 0.4, "inverter.e_off_mJ": 0.6,
+        "inverter.e_ref_V": 600.0, "inverter.e_ref_A": 15.0, "heat.switch_ohm_per_K": 0.0,
+        "heat.diode_ohm_per_K": 0.0,
+    })  # fmt: skip
+    p, found = setup.parameter, by_subject(setup)
+    i_A, vdc_V = Design(setup, p).rated_A, setup["inverter.vdc_V"]
+    loss_W = 1.2 * i_A + 0.02 * i_A**2 + 1e-3 / (600 * 15) * vdc_V * i_A * p("f_isr_Hz")
+    assert found[LEG].value == pytest.approx(loss_W, rel=1e-6)
+    rise_K = p("device_limit_degC") - p("ambient_degC")
+    assert found[DEVICE].value == pytest.approx(rise_K / loss_W)
+    told = found[DEVICE].value
+    with_it = setup.changed({
+        "heat.switch_K_W": [0.5 * told, 0, 0, 0], "heat.sink_K_W": told / 12,
+    })  # fmt: skip
+    found = by_subject(with_it)
+    assert DEVICE not in found and all(f.verdict != "bad" for f in found.values())
+    assert with_it.parameter("device_K_W") <= told
+
+
+LOW, BAND = "vdc_low_V that rides through a dip of the source", "vdc_band_V with it"
+
+
+@pytest.mark.parametrize("told", (False, True))
+def test_the_told_lower_level_rides_through_a_dip(told):
+    dip = setups.load(str(DOCS.parent / "examples" / "dip.toml"))
+    setup = dip.changed({
+        "controller.vdc_low_V": 0.0, "controller.vdc_band_V": 10.0, "profile.duration_s": 5.0,
+    })  # fmt: skip
+    found = by_subject(setup)
+    values = {"controller.vdc_low_V": found[LOW].value, "controller.vdc_band_V": found[BAND].value}
+    assert 1.03 * setup.parameter("vdc_min_V") < found[LOW].value < setup["inverter.vdc_V"]
+    if told:
+        setup = setup.changed(values)
+        again = by_subject(setup)
+        assert LOW not in again
+        assert again["vdc_low_V + vdc_band_V below the link"].verdict == "ok"
+    sim = SimulatedDrive(setup, 1)
+    sim.run_profile(setup.profile, record=False)
+    assert sim.faults == ([] if told else ["dc-link voltage too low"])
+
+
+def test_no_level_is_told_where_the_capacitor_holds_no_band():
+    setup = setups.load("paper-a-feasible")
+    for link_F, told in ((1e-3, True), (1e-5, False)):
+        found = by_subject(setup.changed(inverter__link_F=link_F, inverter__source_ohm=0.3))
+        assert (LOW in found) == told and (BAND in found) == told
+    assert LOW not in by_subject(setup)

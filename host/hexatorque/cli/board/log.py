@@ -65,14 +65,15 @@ def _show(console: Console, found: Log) -> None:
     one = found.counters
     table = Table()
     for heading in ("number", "powered", "event", "cause", "state", "scheme", "V_dc", "current",
-                    "speed", "winding", "limits"):  # fmt: skip
+                    "speed", "winding", "devices", "heat sink", "limits"):  # fmt: skip
         table.add_column(heading)
     for event in found.events:
         largest = max(abs(value) for value in event.currents_A.values())
         table.add_row(
             str(event.sequence), duration(event.powered_s), event.event, ", ".join(event.causes),
             event.state, event.scheme, f"{event.vdc_V:.1f} V", f"{largest:.3g} A",
-            f"{event.speed_rpm:.1f} r/min", f"{event.winding_degC:.0f} degC",
+            f"{event.speed_rpm:.1f} r/min",
+            *("–" if degC is None else f"{degC:.0f} degC" for degC in event.temperatures_degC),
             ", ".join(event.limits),
         )  # fmt: skip
     console.print(table)

@@ -783,7 +783,8 @@ async function fetchLog() {
   const trips = Object.entries(found.trips).map(([name, n]) => `${name} ${n}`).join(", ");
   const rows = found.events.map((one) => make("tr", {
     title: `${one.state}, ${one.scheme}; ${show(one.vdc_V)} V, ${show(Math.max(...Object.values(one.currents_A).map(Math.abs)))} A, ` +
-      `${show(one.speed_rpm)} r/min, ${show(one.winding_degC)} degC${one.limits.length ? `; limits: ${one.limits.join(", ")}` : ""}`,
+      `${show(one.speed_rpm)} r/min${["winding", "device", "sink"].map((of) => one[`${of}_degC`] === null ? "" : `, ${of} ${show(one[`${of}_degC`])} degC`).join("")}` +
+      (one.limits.length ? `; limits: ${one.limits.join(", ")}` : ""),
   }, make("td", { textContent: clock(one.powered_s) }), make("td", { textContent: one.event }), make("td", { textContent: one.causes.join(", ") })));
   box.replaceChildren(
     make("p", { className: "hint", textContent:
