@@ -330,7 +330,8 @@ static void configure_heat(const ht_params *p, ht_heat_config *c)
         c->steps = (float)(uint32_t)(HEAT_STEP / (per_s * slow_s)) + 1.0f;
     }
     if ((per_s > 0.0f) || (v[HT_P_device_K_W] > 0.0f)) {
-        c->look_gain = 1.0f / (1.0f + HEAT_LOOK_PERIODS * slow_s * v[HT_P_f_isr_Hz] / legs);
+        float looks = slow_s * v[HT_P_f_isr_Hz] / (legs + 1.0f); /* of a leg, in a slow period */
+        c->look_gain = 1.0f / (1.0f + HEAT_LOOK_PERIODS * looks);
     }
     step_s = c->steps * slow_s;
     c->to_frame = step_s / v[HT_P_winding_s];

@@ -79,12 +79,21 @@ HT_SELDOM static uint16_t tripped_by(const ht_drive *d)
     return (faults != 0u) ? (uint16_t)faults : (uint16_t)HT_FAULT_EXTERNAL;
 }
 
-/* Gates on: look at the squared current of one phase. */
-static inline void look_at_heat(ht_drive *d, uint16_t leg)
+/* Gates on: look at the squared current of one phase, and in every seventh interrupt at none. So each
+ * phase is looked at in every interrupt of a switching period, which has two or four of them: at a
+ * multiple of their number its ripple would always be at the same place. */
+static inline void look_at_heat(ht_drive *d)
 {
-    float i_A = d->in.i_A.p[leg];
-    float *square_A2 = &d->heat.square_A2[leg];
-    *square_A2 += d->config->heat.look_gain * (i_A * i_A - *square_A2);
+    uint16_t leg = d->heat_leg;
+    if (leg < (uint16_t)HT_LEGS) {
+        float i_A = d->in.i_A.p[leg];
+        float *square_A2 = &d->heat.square_A2[leg];
+        *square_A2 += d->config->heat.look_gain * (i_A * i_A - *square_A2);
+        leg++;
+    } else {
+        leg = 0u;
+    }
+    d->heat_leg = leg;
 }
 
 /* The leg at which the next interrupt looks. */
@@ -102,7 +111,7 @@ static inline uint16_t faults_before(ht_drive *d, bool powered)
     if (powered) {
         uint16_t leg = d->stuck_leg;
         faults |= ht_protect_stuck(&d->config->protect, &d->protect, &d->samples, leg);
-        look_at_heat(d, leg);
+        look_at_heat(d);
         next_leg(d);
         bool off = (d->off_legs & (HT_LEG_U1 >> leg)) != 0u;
         if (ht_port_leg_tripped(d->port, leg) != off) { /* all legs in six periods */
@@ -670,8 +679,7 @@ static void test(ht_drive *d)
     ht_compare out;
     uint32_t faults = d->slow_faults
                       | ht_protect_samples(&d->config->protect, &d->in, d->speed_rpm, false);
-    look_at_heat(d, d->stuck_leg);
-    next_leg(d);
+    look_at_heat(d);
     faults |= ht_excitation_faults(&d->config->excitation, &d->excitation, &d->in.i_A,
                                    d->samples.position);
     if ((d->state_ticks > 1u) && ht_port_tripped(d->port, used_legs(d))) {

@@ -110,6 +110,7 @@ typedef struct {
     uint16_t vdc_acts;     /**< HT_LIMIT_VDC_...: which limit acted since the last slow interrupt */
     uint16_t limits;       /**< HT_LIMIT_...: which limits act */
     uint16_t stuck_leg;    /**< leg whose sensor and trip latch are checked next */
+    uint16_t heat_leg;     /**< leg whose squared current is looked at next; HT_LEGS: none */
     uint16_t chops;        /**< HT_OUT_CHOPPER while the chopper is on */
     ht_samples samples;    /**< latest */
     volatile uint32_t position_now;

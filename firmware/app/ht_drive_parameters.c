@@ -117,6 +117,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     d->in.axis.alpha = 1.0f;
     d->in.axis.beta = 0.0f;
     d->stuck_leg = 0u;
+    d->heat_leg = 0u;
     ht_protect_reset(&d->protect);
     ht_short_circuit_reset(&d->short_circuit);
     d->taken_tick = d->tick + 1u;
