@@ -632,7 +632,7 @@ def _first_crossing(inv, m, y, but):
         if inv.leg[leg] == OFF and inv.diode[leg] != 0 and leg != but:
             i0 = current_with(m, y, common0, leg) * inv.diode[leg]
             i1 = current_with(m, inv.trial, common1, leg) * inv.diode[leg]
-            # A small residual of the wrong sign that stays or shrinks is no crossing, nor is rounding.
+            # A small residual of the wrong sign that does not grow is no crossing, nor is rounding.
             if i1 < min(0.0, i0) - RESIDUAL_A:
                 share = max(i0 / (i0 - i1), 0.0)
                 if found == NO_LEG or share < first:

@@ -515,7 +515,7 @@ def test_a_turning_machine_is_not_caught_without_a_leg_or_for_a_test(bench, valu
     turn(bench, 100)
     bench.fast(FLUX_DECAYS)
     bench.controller.set_many({"ride_through": "least-loss", "i_rated_A": 5.0} | values)
-    bench.fast()
+    bench.fast(FLUX_DECAYS)  # of a new set-up the flux is not known at first
     with pytest.raises(FirmwareError, match="turns"):
         bench.controller.start()
 
@@ -2088,3 +2088,234 @@ def test_an_interrupt_that_outlasts_its_period_ends_a_test(testing):
         testing.run_to("test")
     testing.fast(3)
     assert (testing.state, testing.gates_on) == ("test", True)
+
+
+# --- magnets --------------------------------------------------------------------
+
+PSI_F = 0.15
+MAGNET = {"machine": "magnet", "psi_f_Wb": PSI_F, "rotor_start": "known", "rs_ohm": 1.8}
+#: Where the magnets induce V_dc between two terminals, with two pole pairs.
+CEILING_RPM = 250.0 / (np.sqrt(3) * PSI_F) / 2 * 30 / np.pi
+
+
+@pytest.fixture(params=ADC)
+def magnets(request):
+    return lambda **more: Bench(request.param, **MAGNET | more)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("rpm", "caught"), [(40, False), (1000, True), (0.93 * CEILING_RPM, False)]
+)
+def test_the_shaft_of_a_known_rotor_is_caught_where_its_current_tells_something(
+    magnets, sign, rpm, caught
+):
+    """Too slow a shaft makes too little of it, too fast a one more voltage than the link has."""
+    bench = magnets()
+    turn(bench, sign * rpm)
+    if not caught:
+        with pytest.raises(FirmwareError, match="turns"):
+            bench.controller.start()
+        assert bench.state == "idle"
+        return
+    bench.run_to("build").fast()
+    assert bench.drive.catches == 1
+    assert bench.gates_on
+
+
+def test_the_shaft_of_an_unknown_rotor_is_not_caught(magnets):
+    bench = magnets(rotor_start="align")
+    turn(bench, 1000)
+    with pytest.raises(FirmwareError, match="turns"):
+        bench.controller.start()
+
+
+@pytest.mark.parametrize("rpm", [0.93 * CEILING_RPM, 1000])
+def test_a_shaft_that_begins_to_turn_after_the_start_is_judged_again(magnets, rpm):
+    bench = magnets()
+    bench.controller.start()
+    bench.fast(3)
+    turn(bench, rpm)
+    while bench.state == "calibrate":
+        bench.fast()
+    assert bench.state == "build"
+    assert bench.drive.catches == (rpm == 1000)
+
+
+@pytest.mark.parametrize("rpm", [0, 1000])
+def test_gates_that_the_trip_pin_keeps_off_are_an_external_trip(magnets, rpm):
+    """In the period in which they are to go on: of the alignment, or of a catch."""
+    bench = magnets()
+    turn(bench, rpm)
+    bench.run_to("build")
+    bench.controller.set_trip_pin(0)
+    bench.fast()
+    assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, EXTERNAL)
+    assert bench.drive.trips == 1
+
+
+def caught(bench, share):
+    """In RUN at this share of the ceiling: the currents are those of the shorted machine. Returns
+    the electrical speed."""
+    turn(bench, share * CEILING_RPM)
+    bench.run_to("build")
+    omega = bench.drive.speed_rpm * 2 * np.pi / 30
+    machine = bench.drive.config.control.observer
+    phases = np.deg2rad([0, 30, 120, 150, 240, 270])
+    for _ in range(150):
+        e = lib.ht_magnet_shorted(
+            ffi.addressof(machine.magnet), machine.rs_ohm, omega, machine.ts_s,
+            bench.drive.rotor_catch.expected_A,
+        )  # fmt: skip
+        axis = getattr(bench.drive, "in").axis
+        i = complex(e.d, e.q) * complex(axis.alpha, axis.beta)
+        bench.amperes = (i * np.exp(-1j * phases)).real
+        bench.fast()
+        if bench.state != "build":
+            break
+    assert bench.state == "run"
+    return omega
+
+
+@pytest.mark.parametrize(("share", "weak"), [(0.3, False), (0.85, True)])
+def test_a_caught_rotor_begins_with_a_flux_that_the_voltage_turns(magnets, share, weak):
+    """The magnets' own if the law makes that much of the link."""
+    bench = magnets(table="45/135")
+    omega = caught(bench, share)
+    most_Wb = bench.drive.config.flux.reach_pu * bench.vdc / omega
+    assert (most_Wb < PSI_F) == weak
+    assert bench.drive.flux_ref_Wb == pytest.approx(min(most_Wb, PSI_F), rel=1e-5)
+
+
+def test_without_weakening_the_voltage_limits_no_torque_of_magnets(magnets):
+    """The parameter does, and with weakening the power that the law makes of the link."""
+    limits_Nm = {}
+    for weakening in ("off", "on"):
+        bench = magnets(table="45/135", field_weakening=weakening, torque_limit_Nm=12.0)
+        caught(bench, 0.85)
+        bench.slow()
+        limits_Nm[weakening] = bench.drive.torque_limit_Nm
+    assert limits_Nm["off"] == 12.0
+    assert limits_Nm["on"] < 9.0
+
+
+# --- limits and ramps -----------------------------------------------------------
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("negative_Nm", [0.0, 0.4])
+def test_the_power_limit_holds_for_driving_and_for_braking(bench, sign, negative_Nm):
+    """A smaller limit of the negative torque stays as it is."""
+    bench.run_to("run").follow_flux()
+    bench.controller.set_many({
+        "control_mode": "torque", "power_limit_W": 100.0, "torque_negative_Nm": negative_Nm,
+        "speed_trip_rpm": 5000.0,
+    })  # fmt: skip
+    for rpm, power_counts in ((10.0, False), (1500.0, True)):
+        for wanted_Nm in (3.0, -3.0):
+            bench.controller.set("torque_ref_Nm", wanted_Nm)
+            for _ in range(3):
+                turn(bench, sign * rpm)
+            least_Nm = -negative_Nm or -3.0
+            if power_counts:
+                most_Nm = 100.0 / (bench.drive.speed_rpm * np.pi / 30 * sign)
+                least_Nm = max(least_Nm, -most_Nm)
+            else:
+                most_Nm = 3.0
+            wanted = np.clip(wanted_Nm, least_Nm, most_Nm)
+            assert bench.drive.torque_ref_Nm == pytest.approx(wanted, rel=0.01)
+
+
+@pytest.mark.parametrize("up, down", [(1000.0, 0.0), (0.0, 1000.0), (0.0, 0.0)])
+def test_only_a_ramp_with_a_rate_waits(bench, up, down):
+    """The shaft stands, and its torque is at the limit."""
+    bench.run_to("run").follow_flux()
+    bench.controller.set_many({
+        "ramp_up_rpm_s": up, "ramp_down_rpm_s": down, "torque_limit_Nm": 1.0,
+        "kp_speed_Nms_rad": 5.0,
+    })  # fmt: skip
+    bench.controller.set("speed_ref_rpm", 1000.0)
+    waits = []
+    for _ in range(10):
+        turn(bench, 0.0)
+        waits.append(bool(bench.drive.limits & lib.HT_LIMIT_RAMP))
+    assert bench.drive.limits & lib.HT_LIMIT_TORQUE
+    assert any(waits) == (up > 0)
+    assert bench.drive.ramp.speed_rpm == 1000.0 or up > 0
+    bench.drive.ramp.speed_rpm = 1000.0
+    turn(bench, 0.0)
+    assert bench.drive.limits == lib.HT_LIMIT_TORQUE  # it has arrived
+    bench.controller.set("speed_ref_rpm", 0.0)
+    turn(bench, 0.0)
+    assert bench.drive.limits == lib.HT_LIMIT_TORQUE or down == 0.0  # it goes towards the shaft
+
+
+# --- what R_s tells -------------------------------------------------------------
+
+TELLING = {
+    "rs_tells": "resistance", "adapt_s": 1.0, "observer": "hybrid", "winding_K_W": 0.4,
+    "ride_through": "least-loss", "i_rated_A": 5.0, "loss_check": 0.009,
+}  # fmt: skip
+
+
+def test_r_s_tells_the_temperature_only_under_load_at_low_speed_with_all_legs(bench):
+    """There the adapted R_s is exact. What it tells is counted from the first slow interrupt on."""
+    bench = Bench(bench.device, **TELLING)
+
+    def tells(state="run", omega=20.0, load_Nm=14.0, off_legs=0, low_V=0.0, share=1.1):
+        d = bench.drive
+        d.state = getattr(lib, f"HT_STATE_{state.upper()}")
+        d.omega_mean_rad_s, d.torque_ref_Nm, d.off_legs = omega, load_Nm, off_legs
+        d.flux_ramp_Wb = 0.6
+        d.control.leg_loss.low_V = [low_V, 0.0]
+        d.control.observer.rs_ohm = share * d.config.control.observer.rs_ohm
+        d.heat.telling = 0.0
+        d.tick_last = (d.tick - 1) & 0xFFFFFFFF
+        lib.ht_drive_slow_isr(d)
+        told = d.heat.telling > 0.0
+        d.state, d.off_legs = lib.HT_STATE_IDLE, 0
+        return told
+
+    assert tells()
+    assert not tells(state="build") and not tells(state="fault")
+    assert not tells(omega=9.0) and not tells(omega=36.0)
+    assert not tells(load_Nm=0.5)
+    assert not tells(off_legs=1)
+    assert not tells(low_V=200.0)  # a leg may be lost
+    assert not tells(share=100.0)  # at its limit
+    bench = Bench(bench.device, **TELLING | {"rs_tells": "nothing"})
+    assert not tells()
+
+
+def test_a_build_up_that_was_long_enough_tells_the_resistance_of_a_cold_winding(bench):
+    """With R_s that is adapted and not at a limit, and if the drive has come to RUN."""
+    bench = Bench(bench.device, **TELLING)
+
+    def learns(state="run", times=1.5, share=1.1):
+        d = bench.drive
+        d.state = getattr(lib, f"HT_STATE_{state.upper()}")
+        d.built = times * d.config.built
+        d.control.observer.rs_ohm = share * d.config.control.observer.rs_ohm
+        d.heat.ohm_per_K = 0.0
+        d.tick_last = (d.tick - 1) & 0xFFFFFFFF
+        lib.ht_drive_slow_isr(d)
+        d.state = lib.HT_STATE_IDLE
+        assert d.built == 0.0  # once
+        return d.heat.ohm_per_K > 0.0
+
+    assert learns()
+    assert not learns(state="fault")
+    assert not learns(times=0.5)
+    assert not learns(share=100.0)
+
+
+def test_a_trip_from_outside_and_by_current_at_once_is_one_trip_by_hardware(bench):
+    for faults, trips in (
+        (EXTERNAL | lib.HT_FAULT_OVERCURRENT, 1), (lib.HT_FAULT_OVERCURRENT, 0), (EXTERNAL, 1),
+    ):  # fmt: skip
+        before = bench.drive.trips
+        bench.run_to("run")
+        lib.ht_drive_trip(bench.drive, faults)
+        assert bench.drive.trips - before == trips
+        bench.fast()
+        bench.controller.clear()

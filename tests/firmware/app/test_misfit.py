@@ -1,5 +1,7 @@
 """Parameters that do not fit together are refused with the keys, their values and the limit."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -273,3 +275,48 @@ def test_a_short_circuit_may_take_as_much_of_the_sensors_range_as_a_trip():
     share = lib.ht_misfit_describe(lib.HT_MISFIT_I_TRIP).share
     told = ffi.string(lib.ht_misfit_demand(lib.HT_MISFIT_SHORT_SEEN)).decode()
     assert f"{share:.3g} times the second at most" in told
+
+
+#: Other ways into the same misfit.
+MORE = {
+    "WINDING_ALIKE": [
+        {"displacement_deg": "0", "scheme": "db-dtfc", "carrier_turn": "always"},
+        {"displacement_deg": "60", "scheme": "db-dtfc", "carrier_turn": "always"},
+    ],
+    "MAGNET_LEGS": [{**MAGNET, "scheme": "db-dtfc", "lost_legs": 32, "ride_through": "least-loss",
+                     "i_rated_A": 5.0}],
+    "HEAT_RS": [
+        {"rs_tells": "resistance", "adapt_s": 0.0},
+        {**MAGNET, "rs_tells": "resistance"},
+    ],
+    "PRECHARGE": [{"precharge_V": 400.0}, {"precharge_V": 401.0}],
+    "BRAKE": [
+        {"brake_open_s": 0.2, "brake_Nm": 15.1},
+        {"brake_open_s": 0.2, "brake_Nm": -15.1},
+        {"brake_open_s": 0.2, "brake_Nm": -15.1, "torque_negative_Nm": 16.0},
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "changes"), [(n, c) for n, cases in MORE.items() for c in cases])
+def test_another_way_into_the_same_misfit(name, changes):
+    demand = ffi.string(lib.ht_misfit_demand(getattr(lib, f"HT_MISFIT_{name}"))).decode()
+    with pytest.raises(FirmwareError, match=re.escape(demand[:30])):
+        Controller("f28377s", changes)
+
+
+@pytest.mark.parametrize("changes", [
+    {"brake_open_s": 0.2, "brake_Nm": 6.0, "torque_negative_Nm": 5.0},  # against the positive limit
+    {"brake_open_s": 0.2, "brake_Nm": -5.0, "torque_negative_Nm": 5.0},
+    {"brake_open_s": 0.2, "brake_Nm": -6.0},
+    {"precharge_V": 399.0},
+    {"displacement_deg": "60", "scheme": "db-dtfc", "carrier_turn": "off"},
+])  # fmt: skip
+def test_what_fits_in_another_way_is_taken(changes):
+    Controller("f28377s", changes)
+
+
+def test_a_time_in_counts_is_rounded_up():
+    assert lib.ht_counts_up(0.0, 150e6) == 0
+    assert lib.ht_counts_up(1.0, 150e6) == 150
+    assert lib.ht_counts_up(1.001, 150e6) == 151

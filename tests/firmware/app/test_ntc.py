@@ -209,3 +209,10 @@ def test_a_pull_up_out_of_range_is_refused_with_the_range_that_works(place, ohm,
         Controller("f28335", values | {"ntc_pull_up_ohm": inside})
         with pytest.raises(FirmwareError, match=f"{place}_ntc_ohm"):
             Controller("f28335", values | {"ntc_pull_up_ohm": outside})
+
+
+@pytest.mark.parametrize("pull_share", [1e-25, 1e25])
+def test_resistors_that_no_thermistor_has_give_a_finite_temperature(pull_share):
+    """The logarithm ends after 64 halves."""
+    cfg = ffi.new("ht_ntc_config *", {"pull_share": pull_share, "per_K": 1 / 3950})
+    assert -273.15 < lib.ht_ntc_degC(cfg, 2048.0) < 1000

@@ -174,3 +174,25 @@ def test_the_count_outlasts_its_overflow():
         assert bench.start() == result
         if result == lib.HT_OK:
             bench.trip()
+
+
+def test_a_wait_that_has_passed_by_a_shorter_parameter_is_a_second_yet():
+    """The slow interrupt forgets the trips; until then a start is refused."""
+    bench = Bench()
+    for _ in range(3):
+        assert bench.start() == lib.HT_OK
+        bench.trip()
+    bench.wait(30.0)
+    bench.controller.set("restart_wait_s", 10.0)
+    bench.fast()
+    assert lib.ht_drive_restart_wait(bench.drive) == 1
+    bench.slow()
+    assert lib.ht_drive_restart_wait(bench.drive) == 0
+
+
+def test_the_quiet_time_ends_at_65535_seconds():
+    bench = Bench()
+    bench.drive.quiet_s = 0xFFFE
+    for expected in (0xFFFF, 0xFFFF):
+        bench.wait(1.05)
+        assert bench.drive.quiet_s == expected

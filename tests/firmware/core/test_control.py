@@ -101,6 +101,14 @@ def words(out, period):
     return tuple(s)
 
 
+def shares(out, period):
+    """Share of the period that each leg is high."""
+    counts = np.arange(period)
+    start = [out.start >> (5 - leg) & 1 for leg in range(6)]
+    levels = [s ^ (counts >= a) ^ (counts >= b) for s, a, b in zip(start, out.ca, out.cb)]
+    return np.mean(levels, axis=1)
+
+
 def direction(table, sector, torque_up, flux_up):
     angle = TABLES[table][0 if flux_up else 1] * (1 if torque_up else -1)
     return (30 * sector + angle - 15) // 30 % 12
@@ -641,6 +649,9 @@ def test_six_currents_are_transformed_by_the_vsd_matrix():
         ({"dead__dead_pu": -0.01}, lib.HT_CONFIG_TIMING),
         ({"dead__dead_pu": 0.51}, lib.HT_CONFIG_TIMING),
         ({"dead__dead_pu": np.nan}, lib.HT_CONFIG_TIMING),
+        # Dead times of a period of 8 counts, whose shortest pulse may be 4: half of it, and more.
+        ({"period__counts": 8, "period__shortest": 4, "dead__dead_pu": 0.5}, lib.HT_CONFIG_OK),
+        ({"period__counts": 8, "period__shortest": 4, "dead__dead_pu": 0.51}, lib.HT_CONFIG_TIMING),
         ({"dead__i_zero_A": 0.0}, lib.HT_CONFIG_TIMING),
         ({"period__shortest": 0, "dead__dead_pu": 0.0}, lib.HT_CONFIG_TIMING),
         ({"period__shortest": 5001}, lib.HT_CONFIG_TIMING),
@@ -654,6 +665,24 @@ def test_six_currents_are_transformed_by_the_vsd_matrix():
         ({"table_law__xy_limit_pu": 1.0, "table_law__regulated": False}, lib.HT_CONFIG_OK),
         ({"table_law__group": 3}, lib.HT_CONFIG_SCHEME),
         ({"table_law__vectors": lib.HT_VECTORS_VIRTUAL + 1}, lib.HT_CONFIG_SCHEME),
+        ({"table_law__group": 5}, lib.HT_CONFIG_SCHEME),
+        ({"table_law__table": lib.HT_TABLE_60_120 + 1}, lib.HT_CONFIG_SCHEME),
+        # The large vectors of sets that are not 30 degrees apart have a table of their own.
+        ({"table_law__table": lib.HT_TABLE_60_120}, lib.HT_CONFIG_SCHEME),
+        (
+            {"table_law__table": lib.HT_TABLE_60_120, "table_law__group": lib.HT_L0},
+            lib.HT_CONFIG_SCHEME,
+        ),
+        (
+            {
+                "table_law__table": lib.HT_TABLE_60_120,
+                "table_law__group": lib.HT_L0,
+                "table_law__vectors": lib.HT_VECTORS_SINGLE,
+            },
+            lib.HT_CONFIG_OK,
+        ),
+        ({"observer__winding": 3}, lib.HT_CONFIG_MACHINE),
+        ({"observer__rotor_decay": -0.01}, lib.HT_CONFIG_MACHINE),
         ({"observer__rs_ohm": -1.0}, lib.HT_CONFIG_MACHINE),
         ({"observer__rs_ohm": np.nan}, lib.HT_CONFIG_MACHINE),
         ({"observer__sigma_ls_H": 0.0}, lib.HT_CONFIG_MACHINE),
@@ -853,3 +882,58 @@ def test_the_current_at_an_edge_lies_between_the_samples_in_their_order(scheme):
         before = now
     assert max(right) < 1e-6
     assert max(turned) > 1e-5
+
+
+@pytest.mark.parametrize("sector", range(12))
+def test_without_shadow_registers_a_rotor_is_aligned_by_the_vector_of_its_direction(sector):
+    """Below the limit the period's mean voltage lies along it, above it there is none."""
+    drive = Drive(config("dtc1", shadow=False, predict=False, dead__dead_pu=0.0))
+    seen = ffi.new("ht_control_input *")
+    seen.vdc_V = VDC
+    for i_A, pulled in ((2.9, True), (3.1, False)):
+        along = np.exp(1j * np.deg2rad(15 + 30 * sector))
+        seen.i_A.p = (3 * T.T @ [i_A * along.real, i_A * along.imag, 0, 0]).tolist()
+        lib.ht_control_align(drive.cfg, drive.state, seen, sector, drive.out)
+        high = shares(drive.out, PERIOD)
+        mean = complex(*(T @ high)[:2])
+        if pulled:
+            assert abs(mean) > 0.4 and abs(np.angle(mean / along)) < 1e-3
+        else:
+            assert np.abs(T @ high).max() < 1e-12
+
+
+@pytest.mark.parametrize("missing", [{"shadow": False}, {"predict": False}, {"magnets": True}])
+def test_legs_may_be_lost_where_the_law_looks_ahead_and_nothing_is_induced_in_xy(missing):
+    cfg = config()
+    assert lib.ht_control_can_lose(cfg)
+    for name, value in missing.items():
+        setattr(cfg.observer if name == "magnets" else cfg, name, value)
+    assert not lib.ht_control_can_lose(cfg)
+
+
+@pytest.mark.parametrize("displacement_deg", [0, 60])
+@pytest.mark.parametrize("degrees", range(5, 360, 30))
+def test_a_shaft_of_any_winding_is_caught_by_a_vector_beside_its_flux_step(
+    displacement_deg, degrees
+):
+    """There are six, and the means of two beside each other. The step goes from the flux that is
+    there to the reference, which lies in the same direction while the shaft stands."""
+    winding, group = {
+        0: (lib.HT_WINDING_0, lib.HT_L0), 60: (lib.HT_WINDING_60, lib.HT_L60),
+    }[displacement_deg]  # fmt: skip
+    cfg = config("dtc1", shadow=False, predict=False, observer__winding=winding)
+    cfg.table_law.table, cfg.table_law.group = lib.HT_TABLE_60_120, group
+    drive = Drive(cfg)
+    along = np.exp(1j * np.deg2rad(degrees))
+    drive.state.observer.psi_Wb = [0.2 * along.real, 0.2 * along.imag]
+    lib.ht_control_catch_begin(cfg, drive.state, [{"p": [0.0] * 6}])
+    drive.state.observer.psi_Wb = [0.2 * along.real, 0.2 * along.imag]
+    seen = ffi.new("ht_control_input *")
+    seen.vdc_V, seen.flux_ref_Wb, seen.inv_flux_ref2 = VDC, 0.4, 1 / 0.16
+    lib.ht_control_catch(cfg, drive.state, seen, drive.out)
+    legs = np.deg2rad(
+        np.array([0, 0, 120, 120, 240, 240]) + displacement_deg * np.array([0, 1] * 3)
+    )
+    mean = np.exp(1j * legs) @ shares(drive.out, PERIOD) / 3
+    assert abs(mean) > 0.57
+    assert abs(np.angle(mean / along, deg=True)) < 30.01

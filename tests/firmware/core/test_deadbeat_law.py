@@ -221,3 +221,24 @@ def test_no_input_spoils_the_state(values):
 )  # fmt: skip
 def test_values_out_of_range_are_refused(values):
     assert not lib.ht_deadbeat_law_check(ffi.new("ht_deadbeat_law_config *", values))
+
+
+#: A value in its range; the ends of the range; values beyond them.
+RANGES = {
+    "gain": (1.0, [1e-6, 1.0], [0.0, -0.1, 1.001]),
+    "xy_ki_per_A": (2e-3, [0.0, 1e29], [-1e-9, 1e30]),
+    "xy_free_A2": (16.0, [1e-6], [0.0, -1.0]),
+    "reach_pu": (1.0, [0.5, 1.0], [0.499, 1.001]),
+}
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_each_value_has_a_range_of_which_nan_is_no_part(name):
+    usual = {key: row[0] for key, row in RANGES.items()}
+
+    def fits(value):
+        return lib.ht_deadbeat_law_check(ffi.new("ht_deadbeat_law_config *", usual | {name: value}))
+
+    _, good, bad = RANGES[name]
+    assert all(fits(value) for value in good)
+    assert not any(fits(value) for value in [*bad, np.nan])

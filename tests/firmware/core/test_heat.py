@@ -325,3 +325,14 @@ def test_what_r_s_tells_counts_no_more_beside_a_sensor(make):
             sense(one, [2.0] * 6, 60.0, rs_ohm)
         ends.append(temperatures(cfg, state))
     assert np.array_equal(*ends) and ends[0][0] == pytest.approx(60.0, abs=1.0)
+
+
+def test_before_any_current_r_s_tells_the_temperature_of_all_parts(make):
+    """Copper's temperature coefficient is of 20 degC."""
+    cfg, state = make(rs_tells="temperature")
+    lib.ht_heat_reset(state)
+    v = MACHINE
+    degC = v["ambient_degC"] + 25
+    at_20 = v["rs_ohm"] / (1 + COPPER * (v["rs_degC"] - 20))
+    lib.ht_heat_built(cfg, state, at_20 * (1 + COPPER * (degC - 20)))
+    assert temperatures(cfg, state) == pytest.approx([degC] * 7, abs=0.01)

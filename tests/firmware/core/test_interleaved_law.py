@@ -367,3 +367,36 @@ def test_a_configuration_that_is_no_number_is_refused():
         cfg = ffi.new("ht_interleaved_config *", law.cfg.positions)
         cfg.early[n] = np.nan
         assert not lib.ht_interleaved_check(cfg)
+
+
+#: Each value of the positions: at the end of its range, and beyond.
+POSITIONS = {
+    "weight": ([0.0, 999.0], [-1e-3, 1e3]),
+    "scale": ([1e-6, 4.5], [0.0, -1.0, 4.51]),
+    "alike": ([-1.0, 1.0], [-1.01, 1.01]),
+    "cap": ([1e-6, 0.06], [0.0, -1.0, 0.061]),
+    "together_pu2": ([1e-6], [0.0, -1.0]),
+    "early[0]": ([-0.125, 0.125], [-0.126, 0.126]),
+    "early[1]": ([-0.125, 0.125], [-0.126, 0.126]),
+}
+
+
+@pytest.mark.parametrize("name", POSITIONS)
+def test_each_value_of_the_positions_has_a_range_of_which_nan_is_no_part(name):
+    def fits(value):
+        cfg = Law().cfg
+        if name.startswith("early"):
+            cfg.positions.early[int(name[-2])] = value
+        else:
+            setattr(cfg.positions, name, value)
+        return lib.ht_interleaved_law_check(cfg)
+
+    good, bad = POSITIONS[name]
+    assert all(fits(value) for value in good)
+    assert not any(fits(value) for value in [*bad, np.nan])
+
+
+def test_the_law_refuses_what_its_deadbeat_law_refuses():
+    cfg = Law().cfg
+    cfg.deadbeat.gain = 0.0
+    assert not lib.ht_interleaved_law_check(cfg)

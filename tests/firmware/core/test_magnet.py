@@ -487,7 +487,7 @@ def shorted(machine, omega, start, turns=1.0, most_step=1e-3):
 
 
 @pytest.mark.parametrize("omega", [30.0, 300.0, 1500.0, 10000.0])
-@pytest.mark.parametrize("across_A", [0.0, 5.0, 15.0])
+@pytest.mark.parametrize("across_A", [-5.0, 0.0, 5.0, 15.0])
 def test_peak_current_of_a_short_circuit(machine, omega, across_A):
     found = lib.ht_magnet_short_A(magnet(machine), machine.r, omega, across_A)
     exact = max(
@@ -515,3 +515,13 @@ def test_largest_voltage_between_two_terminals(psi_f, five, seven):
             wave = np.cos(theta) + five * np.cos(5 * theta + a) + seven * np.cos(7 * theta + b)
             peaks.append(np.sqrt(3) * wave.max())
     assert abs(max(peaks) / found - 1) < 1e-3
+
+
+@pytest.mark.parametrize("active_Wb", [0.0, -0.05, np.inf])
+def test_where_torque_has_no_slope_the_wanted_flux_is_still_of_its_length(machine, active_Wb):
+    """The torque is the flux across times the active flux: where there is none, no step has it."""
+    m = magnet(machine)
+    wanted = lib.ht_magnet_wanted_Wb(m, active_Wb, [machine.psi_f, 0.0], machine.psi_f, 5.0)
+    assert wanted.d > 0
+    if np.isfinite(active_Wb):
+        assert np.hypot(wanted.d, wanted.q) < 100 * machine.psi_f

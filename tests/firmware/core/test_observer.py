@@ -664,3 +664,14 @@ def test_a_pull_by_all_of_it_is_the_current_model(kind):
     assert abs(cplx(now.psi_Wb) - LS * i) < 2e-3 * LS * abs(i)
     assert abs(now.torque_Nm) < 1e-2
     assert state.omega_sync_rad_s == pytest.approx(turn / TS)
+
+
+def test_a_resistance_is_adapted_where_it_has_not_come_to_a_limit():
+    """There it may be anything beyond: a third and three times are surely no copper's."""
+    cfg, state = config(), start()
+    for share in (0.9, 1.0, 1.1):
+        lib.ht_observer_begin_with(cfg, state, share * RS)
+        assert lib.ht_observer_adapted_ohm(cfg, state) == np.float32(share * RS)
+    for share in (0.01, 100.0):
+        lib.ht_observer_begin_with(cfg, state, share * RS)
+        assert lib.ht_observer_adapted_ohm(cfg, state) == 0.0

@@ -826,3 +826,26 @@ def test_all_faults_of_the_results_are_reported_together():
     assert result(i=31j, psi=2j) == bit("OVERCURRENT") | bit("FLUX")
     assert result(i=31j, torque=NAN) == bit("OVERCURRENT") | bit("NONFINITE")
     assert result() == 0
+
+
+def test_an_encoder_trip_of_zero_turns_the_check_with_magnets_off():
+    """A shaft whose encoder stops at once."""
+    for most_counts, fault in ((5.0, bit("ENCODER")), (0.0, 0)):
+        cfg = config(counts_quick=0.5, counts_slow=0.01, most_counts=most_counts)
+        state = fresh()
+        state.counts_quick = state.counts_slow = 40.0
+        found = [lib.ht_protect_encoder(cfg, state, 0.0) for _ in range(20)]
+        assert found[-1] == fault
+
+
+def test_a_flux_that_is_nearly_gone_tells_no_endless_speed():
+    """The speed that the observer tells is divided by the flux's squared share, 0.04 at least."""
+    machine = MACHINES[0]
+    for share, times in ((0.5, 4.0), (0.05, 25.0)):
+        cfg = config(machine, encoder_trip_rpm=1e6, short_gain=1.0)
+        state = fresh()
+        for _ in range(3):
+            slow(cfg, state, seen(share * 0.6 + 0j, 0j, speed=10.0), 0.0, 1 / 0.36)
+        assert state.estimated_rpm == pytest.approx(
+            times * 10.0 * 30 / np.pi / machine[0], rel=1e-3
+        )

@@ -123,3 +123,19 @@ def test_a_target_that_is_no_number_leaves_the_reference(config, target):
     cfg = ffi.new("ht_ramp_config *", config)
     assert lib.ht_ramp_step(cfg, state, target, 100.0, False) == 100.0
     assert state.speed_rpm == 100.0
+
+
+def test_without_a_rate_downwards_the_speed_is_0_at_once_and_rises_at_its_rate():
+    way = ramped([10.0, 0.0, 0.0], 100.0, -100.0)
+    assert way[1] == 0.0
+    assert np.diff(way[1:]) == pytest.approx([-10.0] * 10)
+    assert ramped([0.0, 0.0, 0.0], 100.0, -100.0)[1] == -100.0
+
+
+@pytest.mark.parametrize("jerk", [1e-6, 1e-38])
+def test_where_the_jerk_counts_as_none_the_rate_holds(jerk):
+    """So many changes do not fit into a way of any speed. The slope stays, within a jerk of it."""
+    cfg = ffi.new("ht_ramp_config *", [2.0, 2.0, jerk])
+    state = ffi.new("ht_ramp_state *", [0.0, 2.0])
+    assert lib.ht_ramp_step(cfg, state, 6000.0, 0.0, False) == 2.0
+    assert state.slope_rpm == 2.0

@@ -17,6 +17,7 @@ from device import (
     START,
     STATE,
     STOP,
+    STORE,
     Device,
 )
 
@@ -223,6 +224,14 @@ def test_what_is_refused():
     assert device.ask(FORGET_LOG).status == STATE
 
 
+def test_a_board_without_a_log_has_no_counters_and_no_events():
+    device = Device()
+    device.service.setup.log = ffi.NULL
+    for kind in (wire.COUNTERS, wire.EVENTS):
+        assert device.ask(LIST, struct.pack("<BH", kind, 0)).status == ID
+    assert device.ask(FORGET_LOG).status == STORE
+
+
 def test_without_a_memory_the_latest_events_are_there_until_the_power_goes():
     device = Device()
     device.tick(SETTLE)
@@ -375,3 +384,109 @@ def test_events_of_an_earlier_firmware_are_read():
     assert latest.winding_degC == np.float32(94.6)
     assert np.isnan([latest.device_degC, latest.sink_degC]).all()
     assert counters(device).powered_s == 7000 and counters(device).current_A == 2.5
+
+
+def test_a_record_of_a_later_firmware_changes_no_counter_and_is_no_event():
+    old = board()
+    trip(old, FAULTS["over-current"])
+    areas, slot = old.controller.store.areas, 4 * MemoryStore.BLOCK
+    free = next(
+        at
+        for at in range(MemoryStore.LOG, len(areas), slot)
+        if areas[at : at + slot] == b"\xff" * slot
+    )
+    areas[free : free + slot] = sealed(struct.pack("<21H", 0x00FD, *[0xFFFF] * 20))
+    later_ = again(old)
+    assert [one.event for one in events(later_)][1:] == [lib.HT_EVENT_TRIP, lib.HT_EVENT_START]
+    assert counters(later_).missed == 0 and counters(later_).damaged == 0
+    assert counters(later_).powered_s < 10
+
+
+def test_missed_events_are_counted_over_a_power_off():
+    old = board()
+    for _ in range(80):
+        trip(old, FAULTS["over-current"])
+        clear(old)
+    missed = counters(old).missed
+    assert missed > 10
+    later(old, 3700)  # a record of the counters
+    assert counters(again(old)).missed == missed
+
+
+def test_counts_end_at_65535():
+    device = board()
+    row = list(FAULTS).index("over-current")
+    device.controller.store.log.trips[row] = 0xFFFE
+    for _ in range(2):
+        trip(device, FAULTS["over-current"])
+        clear(device)
+        assert counters(device).trips[row] == 0xFFFF
+
+
+@pytest.mark.parametrize(
+    ("watchdogs", "noted"), [(0, True), (8, True), (9, False), (15, False), (16, True), (17, False)]
+)
+def test_of_many_starts_by_a_watchdog_ever_fewer_are_noted(watchdogs, noted):
+    """All of the first eight, then those with a power of two."""
+    device = Device(store=Watched(), session=False)
+    device.controller.store.log.reset.watchdogs = watchdogs
+    device.tick(SETTLE)
+    assert lib.ht_log_events(device.controller.store.log) == noted
+
+
+def test_an_event_that_cannot_be_read_any_more_is_refused():
+    device = board()
+    trip(device, FAULTS["over-current"])
+    areas = device.controller.store.areas
+    assert len(events(device)) == 2
+    areas[MemoryStore.LOG :] = bytes(len(areas) - MemoryStore.LOG)
+    assert device.ask(LIST, struct.pack("<BH", wire.EVENTS, 0)).status == ID
+
+
+def test_a_log_is_not_emptied_before_it_is_read_or_while_it_writes():
+    old = board()
+    trip(old, FAULTS["over-current"])
+    device = Device(store=Watched(old.controller.store.areas), session=False)
+    log, drive = device.controller.store.log, device.drive
+    refused, put = set(), set()
+    for _ in range(SETTLE):
+        lib.ht_service_turn(ffi.addressof(device.service))
+        if not log.started or log.put:
+            assert lib.ht_log_forget(log, drive) == lib.HT_ERROR_STATE
+            refused.add(log.started)
+            put.add(log.put)
+    assert refused == {False, True} and len(put) > 1
+    assert lib.ht_log_forget(log, drive) == lib.HT_OK
+
+
+def test_a_record_of_the_counters_follows_a_run_and_otherwise_an_hour():
+    """Seconds with the gates on are worth one, too: a run goes on after a start that is kept."""
+    device = board()
+    store, log = device.controller.store, device.controller.store.log
+    blocks = store.blocks
+    log.counters.gates_s += 1
+    device.tick(SETTLE)
+    assert store.blocks == blocks + 4
+    log.tokens = 0
+    log.counters.gates_s += 1
+    device.tick(SETTLE)
+    assert store.blocks == blocks + 4, "without a token it waits"
+
+
+def test_a_log_whose_records_go_into_the_other_area_is_not_emptied():
+    device = board()
+    for _ in range(5):
+        trip(device, FAULTS["over-current"])
+        clear(device)
+    log = device.controller.store.log
+    log.ring.next = log.ring.slots  # full
+    device.session = 0
+    refused = 0
+    for _ in range(12000):  # the session ends
+        device.tick()
+        if not lib.ht_log_ring_settled(ffi.addressof(log, "ring")):
+            assert lib.ht_log_forget(log, device.drive) == lib.HT_ERROR_STATE
+            refused += 1
+    assert refused > 5
+    assert lib.ht_log_events(log) == 6
+    assert lib.ht_log_forget(log, device.drive) == lib.HT_OK

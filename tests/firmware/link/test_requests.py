@@ -646,3 +646,19 @@ def test_a_request_of_processor_in_the_loop_is_refused_readably(device):
     read."""
     reply = device.answer(bytes([lib.HT_OP_PIL_HELLO, 1]))
     assert reply.status == LENGTH >= lib.HT_PIL_REFUSED
+
+
+def test_every_limit_is_told_with_its_name_and_whether_it_acts(device):
+    for row in range(lib.HT_LIMITS):
+        info = lib.ht_limit_describe(row)
+        told = wire.parse_limit(device.done(LIST, "BH", wire.LIMITS, row).payload, row)
+        assert (told.bit, told.acts) == (1 << row, False)
+        assert told.name.encode() == ffi.string(info.name)
+        assert told.help
+    device.run()
+    device.drive.limits = lib.HT_LIMIT_POWER
+    acts = [
+        wire.parse_limit(device.done(LIST, "BH", wire.LIMITS, row).payload, row).acts
+        for row in range(lib.HT_LIMITS)
+    ]
+    assert acts == [1 << row == lib.HT_LIMIT_POWER for row in range(lib.HT_LIMITS)]

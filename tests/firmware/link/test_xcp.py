@@ -5,10 +5,13 @@ import math
 import struct
 import zlib
 
+import numpy as np
 import pytest
 from device import (
+    ARM,
     BUSY,
     CHANNELS,
+    CLOSE,
     MARK,
     NONCE,
     OPEN,
@@ -47,7 +50,7 @@ from xcp_master import (
 )
 
 from hexatorque import firmware
-from hexatorque.firmware import lib
+from hexatorque.firmware import ffi, lib
 
 WATCHDOG_TICKS = 2500
 
@@ -222,6 +225,15 @@ def test_only_whole_values_are_written(device, n):
     assert master.code("BB62s", 0xF0, n, bytes(62)) == RANGE
 
 
+@pytest.mark.parametrize("n", [63, 64, 252])
+def test_more_values_than_a_packet_holds_are_no_command(device, n):
+    master = Master(device)
+    master.ask("BHBI", 0xF6, 0, 0, PARAMETERS_AT)
+    before = everything(device)
+    assert master.code("BB62s", 0xF0, n, bytes(62)) == SYNTAX
+    assert everything(device) == before
+
+
 def test_a_value_is_written_from_its_first_octet_on(device):
     master = Master(device)
     master.ask("BHBI", 0xF6, 0, 0, PARAMETERS_AT + 2)
@@ -258,9 +270,23 @@ def test_the_rate_stays_while_it_is_measured(device):
     master.lists((0, 10, [[channel("vdc_V")]]))
     master.ask("BHBI", 0xF6, 0, 0, parameter("f_isr_Hz"))
     assert master.code("BBf", 0xF0, 4, 5000.0) == DENIED
+    rate_Hz = device.controller.get("f_isr_Hz")
+    assert master.code("BBf", 0xF0, 4, rate_Hz) == RES  # the one that it has
     master.ask("BB", 0xDD, 0)
     master.ask("BHBI", 0xF6, 0, 0, parameter("f_isr_Hz"))
     master.ask("BBf", 0xF0, 4, 5000.0)
+
+
+def test_the_rate_stays_while_the_links_capture_waits():
+    """A capture goes on when the host that armed it has closed its session."""
+    device = Device()
+    device.done(ARM, "BBHIIHfH", 1, 0, 1, 10, 5, 0, 0.0, 0)
+    device.done(CLOSE)
+    master = Master(device)
+    master.ask("BHBI", 0xF6, 0, 0, parameter("f_isr_Hz"))
+    rate_Hz = device.controller.get("f_isr_Hz")
+    assert master.code("BBf", 0xF0, 4, 5000.0) == DENIED
+    assert device.controller.get("f_isr_Hz") == rate_Hz
 
 
 # --- pages, store ---------------------------------------------------------------------------
@@ -286,7 +312,19 @@ def test_the_kept_page_has_what_is_kept_and_cannot_be_written():
     assert master.value(parameter(name)) == 0.5
 
 
-def test_without_a_store_the_kept_page_has_the_built_in_values(device):
+def test_an_empty_store_has_the_built_in_values_on_its_page():
+    device = Device(session=False, store=firmware.MemoryStore())
+    master = Master(device)
+    master.write(parameter("kp_speed_Nms_rad"), 0.125)
+    master.ask("BBBB", 0xEB, 0x02, 0, 1)
+    row = firmware.parameters()["kp_speed_Nms_rad"]
+    assert master.value(parameter("kp_speed_Nms_rad")) == np.float32(row.initial)
+
+
+@pytest.mark.parametrize("without", ["a memory", "a store"])
+def test_without_a_store_the_kept_page_has_the_built_in_values(device, without):
+    if without == "a store":
+        device.service.setup.store = ffi.NULL
     master = Master(device)
     master.write(parameter("kp_speed_Nms_rad"), 0.125)
     with pytest.raises(Refused) as refused:
@@ -456,6 +494,39 @@ def test_on_the_shared_line_a_connect_is_heard_between_frames_of_the_link():
     assert device.controller.take() == b""  # no samples of the link's
 
 
+def test_a_frame_of_the_link_that_has_begun_ends_before_xcp_has_the_line():
+    """The slow line carries about an octet in each fast interrupt."""
+    device = Device(session=False, baud=115200)
+    device.put(frame(device.request(STATUS)))
+    while not (raw := device.controller.take()):
+        device.tick()
+    device.put(framed(b"\xff\0", 0, True))
+    device.tick(100)
+    raw += device.controller.take()
+    connected = framed(struct.pack("<BBBBHBB", RES, 5, 0x80, 64, 133, 1, 1), 0, True)
+    assert raw.endswith(b"\0" + connected)
+    (reply,) = [part for part in raw[: -len(connected)].split(b"\0") if part]
+    assert opened(reply)[:3] == bytes([STATUS | 0x80, device.id, 0])
+    assert Master(device, serial=True, connect=False).put(b"") == 0
+
+
+def test_no_more_is_read_from_the_shared_line_than_is_asked_for(device):
+    xcp = ffi.addressof(device.controller.board, "xcp_serial")
+    waiting, given = list(b"a" * 40), ffi.new("uint16_t[100]")
+
+    @ffi.callback("uint16_t(void *, uint16_t *, uint16_t, bool *)")
+    def read(at, octets, n, lost):
+        for k in range(n):
+            octets[k] = waiting.pop()
+        return n
+
+    xcp.line.read = read
+    line = lib.ht_xcp_shared(xcp)
+    for most, came in ((3, 3), (100, 16)):  # as much as a FIFO holds
+        assert line.read(line.at, given, most, ffi.new("bool *")) == came
+    assert len(waiting) == 40 - 3 - 16
+
+
 def test_a_frame_of_the_link_gives_the_line_back():
     device = Device(session=False)
     master = Master(device, serial=True)
@@ -523,3 +594,24 @@ def test_streams_of_the_link_and_xcp_on_its_own_line_go_on_together():
     device.tick(200)
     assert len(device.samples(0)) >= 19
     assert len([p for p in master.receive() if p[0] == 0]) >= 19
+
+
+@pytest.mark.parametrize(("add", "size"), [("8", 1), ("16", 2), ("32", 4)])
+def test_a_packet_that_is_full_takes_no_part_of_a_value(add, size):
+    packet = ffi.new("ht_xcp_packet *")
+    for n in range(200):
+        getattr(lib, f"ht_xcp_add{add}")(packet, n)
+    assert packet.n == len(packet.octet) // size * size
+    value = int.from_bytes(bytes(packet.octet[0 : packet.n])[-size:], "little")
+    assert value == packet.n // size - 1
+
+
+def test_of_incoming_octets_a_frame_is_dropped_or_the_first_one():
+    came = ffi.new("ht_xcp_incoming *")
+    lib.ht_xcp_incoming_reset(came)
+    for octet in b"\x07" + framed(b"\xfd\x01", 0, False) + b"\x08\x09":
+        lib.ht_xcp_incoming_add(came, octet)
+    lib.ht_xcp_incoming_drop(came, 0, False)
+    assert lib.ht_xcp_incoming_next(came, 64, False) == 2
+    lib.ht_xcp_incoming_drop(came, 2, False)
+    assert bytes(came.octet[0 : came.n]) == b"\x08\x09"

@@ -124,6 +124,8 @@ def test_the_pointer_goes_through_one_packet(master):
     assert struct.unpack("<BBBI", master.ask("B", 0xDB)) == (0xFF, 4, 0, ALL[5])
     assert struct.unpack("<BBBI", master.ask("B", 0xDB)) == (0xFF, 4, 0, parameter("rs_ohm"))
     assert master.code("B", 0xDB) == RANGE
+    master.ask("BBHBB", 0xE2, 0, 0, 1, 0)
+    assert struct.unpack("<BBBI", master.ask("B", 0xDB)) == (0xFF, 0, 0, 0)  # nothing in it
     for pointer in ((0, 2, 0), (0, 0, 2), (1, 0, 0)):
         assert master.code("BBHBB", 0xE2, 0, *pointer) == RANGE
 
@@ -288,6 +290,17 @@ def test_lists_start_and_stop_one_by_one_and_together(master):
     assert master.code("BB", 0xDD, 3) == MODE
     assert master.code("BBH", 0xDE, 3, 0) == MODE
     assert master.code("BBH", 0xDE, 1, 3) == RANGE
+
+
+def test_a_list_that_is_started_again_goes_on(master):
+    first, *_ = master.lists((FAST, 10, [[ALL[0]]]))
+    master.device.tick(100)
+    master.ask("BBH", 0xDE, 1, 0)
+    master.device.tick(100)
+    times = [time for time, _ in samples(master, first, [1])]
+    assert len(times) >= 19
+    steps = {later - time for time, later in itertools.pairwise(times)}
+    assert len(steps) == 1
 
 
 def test_lists_are_gone_after_free_and_after_a_connect(master):

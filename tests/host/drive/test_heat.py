@@ -399,8 +399,8 @@ def test_thermistors_of_a_cold_machine_leave_the_drives_bits(scheme):
 
 @pytest.mark.parametrize("scheme", ["db-ipwm", "db-dtfc", "ddr"])
 def test_the_squared_currents_are_those_of_all_samples(scheme):
-    """Ripple repeats every two or four interrupts. Looks at a phase in multiples of that would all see
-    the same place of it: the heat was 10 % off under `db-ipwm`."""
+    """Ripple repeats every two or four interrupts. Looks at a phase in multiples of that would all
+    see the same place of it: the heat was 10 % off under `db-ipwm`."""
     setup = load("paper-b").with_scheme(scheme, load__kind="constant")
     told = {"winding_K_W": 0.3, "winding_s": 50.0, "frame_s": 500.0}
     sim = SimulatedDrive(setup.changed(**{f"controller__{n}": v for n, v in told.items()}), 1)

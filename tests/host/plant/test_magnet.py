@@ -194,9 +194,9 @@ def test_floating_legs_carry_no_current():
 
 @pytest.mark.parametrize("rail", [1, -1])
 def test_currents_of_rounding_against_their_diodes_do_not_stop_the_time(rail):
-    """A zero is located to 1e-9 of the current's change, so that 2e-10 A may be left against a diode
-    that conducts, and after a thousand radians the angle's rounding is as much. Where two other
-    diodes end at the same instant, this must not keep the simulation there."""
+    """A zero is located to 1e-9 of the current's change, so that 2e-10 A may be left against a
+    diode that conducts, and after a thousand radians the angle's rounding is as much. Where two
+    other diodes end at the same instant, this must not keep the simulation there."""
     p = replace(SURFACE, cogging_Nm=0.0)
     coils, m = Coils(p), make(p)
     k, i, planes = np.empty(8), np.empty(6), np.empty(4)

@@ -278,6 +278,28 @@ def test_a_start_that_trips(call, board):
     assert "the drive tripped at " in err and "in state build: over-current; phase " in err
 
 
+def test_a_trip_between_two_looks_at_the_board_is_told(call, board, monkeypatch):
+    """The state was read before it, the faults behind it."""
+    limits = BoardDrive.limits.fget
+
+    def tripped(drive):
+        if drive.state == "run":
+            drive.set("i_trip_A", 0.1)
+            until(lambda: drive.faults)
+        return limits(drive)
+
+    with BoardDrive.open(board) as drive:
+        trip_A = drive.get("i_trip_A")
+    monkeypatch.setattr(BoardDrive, "limits", property(tripped))
+    code, out, err = call("start", "--json")
+    monkeypatch.undo()
+    with BoardDrive.open(board) as drive:
+        drive.set("i_trip_A", trip_A)
+    said = json.loads(out)
+    assert code == 1 and (said["state"], said["faults"]) == ("fault", ["over-current"])
+    assert "the drive tripped at " in err
+
+
 def test_a_start_that_is_refused_says_what_to_do(call, board, tmp_path):
     with BoardDrive.open(board) as drive:
         trip_A = drive.get("i_trip_A")

@@ -138,6 +138,7 @@ def start(duration, device, baud, as_json, **before) -> int:
             acted = limits
             # Where a board does not tell what its states are, each may be at work: a fault ends it.
             if drive.faults:
+                was = drive.condition  # it may have tripped since the look above
                 break
             if now.at_work:
                 ended.wait(0.1)
