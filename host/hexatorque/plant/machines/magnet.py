@@ -63,7 +63,7 @@ RECORD = np.dtype(
         ("inertia", "f8"),
         ("viscous", "f8"),
         *IRON_FIELDS,
-        ]
+    ]
 )
 
 
