@@ -248,3 +248,8 @@ def test_the_firmwares_checks_see_what_they_look_for(tmp_path):
     (tmp_path / "b.c").write_text("void ht_b(void)\n{\n    ht_c();\n}\n")
     assert circle_in(calls_of(files)) == ["a", "b", "a"]
     assert laws_named(tmp_path) == {"one": {"ht_one_law.c", "other.c"}}
+
+
+def test_texts_that_a_board_tells_are_ascii():
+    """The link carries octets below 128, and a client takes others for damage."""
+    assert [path.name for path in FIRMWARE.rglob("*.def") if not path.read_text().isascii()] == []

@@ -311,6 +311,8 @@ def test_another_way_into_the_same_misfit(name, changes):
     {"brake_open_s": 0.2, "brake_Nm": -6.0},
     {"precharge_V": 399.0},
     {"displacement_deg": "60", "scheme": "db-dtfc", "carrier_turn": "off"},
+    {**MAGNET, "flux_least_loss": "on", "iron_hysteresis_A_Wb": 1.0},
+    {**MAGNET, "flux_least_loss": "on", "iron_eddy_S": 0.001},
 ])  # fmt: skip
 def test_what_fits_in_another_way_is_taken(changes):
     Controller("f28377s", changes)

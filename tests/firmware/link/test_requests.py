@@ -233,7 +233,7 @@ def test_the_row_of_additions_has_the_flags_of_states(device):
     without it."""
     payload = device.done(LIST, "BH", 4, 0).payload
     kind, row, minor, *flags = struct.unpack(f"<BHH{len(payload) - 5}B", payload)
-    assert (kind, row, minor) == (4, 0, 4)
+    assert (kind, row, minor) == (4, 0, 5)
     gates = {"build", "run", "test"}
     assert dict(zip(firmware.STATES, flags, strict=True)) == {
         name: (name in gates | {"calibrate"}) + 2 * (name in gates) + 4 * (name in gates - {"test"})

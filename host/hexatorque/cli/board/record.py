@@ -90,6 +90,7 @@ def stream(
             console.print(f"{count} channel{'s' * (count > 1)} at {stream.rate_Hz:.6g} Hz")
             _write(drive, stream, recorder, wanted, ended, console)
             state, faults, trip = drive.state, drive.faults, drive.trip
+            state = drive.state if faults else state  # it may have tripped in between
             why = BOARD_RESET if stream.ended else "user" if ended.is_set() else "duration"
             why = str(drive.stopped or why)
             stream.close()  # its share of the line is free now
