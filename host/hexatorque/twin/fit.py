@@ -24,7 +24,7 @@ from ..setups import Setup, SetupError
 from . import joint
 from .bench import Bench, as_the_board
 from .candidates import Candidate, suitable
-from .quantities import QUANTITIES, RIPPLES, about, compute, windows
+from .quantities import QUANTITIES, RIPPLES, compute, windows
 from .replay import LATER, Replay, replay
 from .shaft import NO_LOAD, Load, parts, per_window
 
@@ -68,7 +68,7 @@ def simulated_s(setup: Setup, benches: Sequence[Bench]) -> float:
 
 def _suitable(setup: Setup, benches: Sequence[Bench]) -> tuple[Candidate, ...]:
     outside, torque_known = any(b.outside for b in benches), all(b.torque_known for b in benches)
-    return suitable(setup, outside, torque_known)
+    return suitable(setup["machine.model"], outside, torque_known)
 
 
 class NotSimulated(HexatorqueError, RuntimeError):
@@ -108,8 +108,7 @@ class Explanation:
     """One parameter. change: that explains the difference best, with its standard deviation; left:
     share of the squared difference that remains; seen_from: smallest change that would be seen
     here; like: the parameters from which it cannot be told apart, with the correlation; tried:
-    whether `left` is of a simulation with the change; unknown: the part of the deviation that comes
-    from what no bench knows exactly."""
+    whether `left` is of a simulation with the change."""
 
     candidate: Candidate
     change: float = 0.0
@@ -117,7 +116,6 @@ class Explanation:
     left: float = 1.0
     seen_from: float = float("inf")
     tried: bool = False
-    unknown: float = 0.0
     like: dict[str, float] = field(default_factory=dict)
 
     def as_json(self) -> dict:
@@ -126,7 +124,7 @@ class Explanation:
 
         c = self.candidate
         return {
-            "parameter": c.name, "keys": list(c.keys), "unit": c.si_unit,
+            "parameter": c.name, "keys": list(c.keys), "unit": "1" if c.unit == "%" else c.unit,
             "change": finite(self.change), "deviation": finite(self.deviation),
             "remains": finite(self.left), "simulated": self.tried,
             "visible_from": finite(self.seen_from), "like": self.like,
@@ -195,7 +193,6 @@ class _Series:
         self.loads = loads
         self.shafts = [self._parts(n, bench.omega_rad_s) for n, bench in enumerate(benches)]
         self.pairs = int(setup["machine.pole_pairs"])
-        self.displacement_deg = float(setup["machine.displacement_deg"])
         self.bench = [self._of(b, b.samples, None, n) for n, b in enumerate(benches)]
 
     def _parts(self, n: int, omega_rad_s: np.ndarray) -> dict[str, np.ndarray]:
@@ -211,11 +208,7 @@ class _Series:
         outside_step_s = bench.step_s if bench.outside else None
         if not bench.speed_known:
             samples = {name: data for name, data in samples.items() if name != "speed_rpm"}
-        found = compute(
-            samples, per_slow[bench.which], self.pairs, self.displacement_deg, outside_step_s
-        )
-        model = self.setup["machine.model"]
-        found = {name: values for name, values in found.items() if about(name, model)}
+        found = compute(samples, per_slow[bench.which], self.pairs, outside_step_s)
         if not bench.torque_known:
             return found
         shaft = self.shafts[n]["needed"] if torque_Nm is None else per_window(torque_Nm, per_slow)
@@ -362,8 +355,7 @@ class _Simulations:
 
 class _Search:
     """The parameters that explain the difference. effects: of each on its own, for one unit of it;
-    scatter: what of their squares is the scatter of the simulations; residual: the difference in
-    expected noises."""
+    residual: the difference in expected noises."""
 
     def __init__(
         self, simulations: _Simulations, nominal: _Nominal, candidates: Sequence[Candidate]
@@ -382,19 +374,6 @@ class _Search:
         for candidate in candidates:
             if candidate.shaft_only:
                 self.effects[candidate.name] = nominal.shaft_effect(candidate.name)
-        self.scatter = {
-            one.name: 0.0
-            if one.shaft_only
-            else np.count_nonzero(self.effects[one.name]) / one.step**2
-            for one in candidates
-            if one.name in self.effects
-        }
-        #: What no bench knows exactly, at one standard deviation.
-        self.unknown = [
-            one.unknown * self.effects[one.name]
-            for one in candidates
-            if one.unknown > 0 and one.name in self.effects
-        ]
 
     def _refused(self, candidate: Candidate, change: float, why: str) -> None:
         self.notes.append(f"{candidate.name} {candidate.shown(change)}: {why}")
@@ -403,10 +382,7 @@ class _Search:
         """The share that each explains, best first. The best are simulated with the change
         found."""
         shown = [c for c in self.candidates if c.name in self.effects]
-        explained = [
-            _alone(c, self.effects[c.name], self.scatter[c.name], self.unknown, self.residual)
-            for c in shown
-        ]
+        explained = [_alone(c, self.effects[c.name], self.residual) for c in shown]
         explained.sort(key=lambda e: e.left)
         tried = 0
         for one in tuple(explained):
@@ -429,9 +405,7 @@ class _Search:
     def together(self, best: Candidate) -> joint.Set | None:
         """The parameters that explain more together than `best` alone."""
         of = {c: self.effects[c.name] for c in self.candidates if c.name in self.effects}
-        search = joint.Search(
-            of, self.scatter, self.residual, self.nominal.blocks, self._moved, self.unknown
-        )
+        search = joint.Search(of, _noise, self.residual, self.nominal.groups, self._moved)
         return search.best(best)
 
     def _moved(self, changes: Changes, late: int) -> tuple[np.ndarray, np.ndarray] | str:
@@ -472,9 +446,8 @@ def compare(
             together = search.together(explained[0].candidate)
             _refined(explained[0], together, residual)
             several = together if together and len(together.candidates) > 1 else None
-            named = several is not None or _counts(explained[0], residual)
         notes += _scales(benches, nominal)
-        _alike(explained, search.effects, search.scatter)
+        _alike(explained, search.effects)
     overlays = [
         simulations.series.overlay(n, [one[n] for one in nominal.repeats])
         for n in range(len(benches))
@@ -515,14 +488,9 @@ def _scales(benches: Sequence[Bench], nominal: _Nominal) -> list[str]:
     ]
 
 
-def _alone(
-    candidate: Candidate,
-    effect: np.ndarray,
-    noise: float,
-    unknown: Sequence[np.ndarray],
-    residual: np.ndarray,
-) -> Explanation:
+def _alone(candidate: Candidate, effect: np.ndarray, residual: np.ndarray) -> Explanation:
     """The share that one parameter explains, if the simulation is linear in it."""
+    noise = _noise(effect, candidate)
     size = float(effect @ effect)
     found = Explanation(candidate)
     if size <= 0:
@@ -534,10 +502,8 @@ def _alone(
     # Part of the effect is the scatter of the simulations that it was found from.
     if size > 2 * noise:
         found.deviation = 1 / np.sqrt(size - noise)
-        found.unknown = math.hypot(0.0, *(float(effect @ one) / size for one in unknown))
-        found.seen_from = SEEN * math.hypot(found.deviation, found.unknown)
+        found.seen_from = SEEN * found.deviation
         found.deviation *= max(1.0, np.sqrt(float(rest @ rest) / len(rest)))
-        found.deviation = math.hypot(found.deviation, found.unknown)
     return found
 
 
@@ -555,7 +521,6 @@ def _again(
     found.left = float(rest @ rest) / float(residual @ residual)
     if size > 0:
         found.deviation = max(1.0, np.sqrt(float(rest @ rest) / len(rest))) / np.sqrt(size)
-        found.deviation = math.hypot(found.deviation, found.unknown)
 
 
 def _refined(first: Explanation, found: joint.Set | None, residual: np.ndarray) -> None:
@@ -569,26 +534,29 @@ def _counts(found: Explanation, residual: np.ndarray) -> bool:
     """Whether it explains more than chance would."""
     total = float(residual @ residual)
     rest = max(1.0, found.left * total / len(residual))
-    known = abs(found.change) > DIFFERS * found.unknown
-    return known and (1 - found.left) * total > NAMED * rest
+    return (1 - found.left) * total > NAMED * rest
 
 
-def _alike(
-    explained: list[Explanation], effects: dict[str, np.ndarray], scatter: dict[str, float]
-) -> None:
-    def size(name: str) -> float:
-        return float(np.sqrt(max(0.0, effects[name] @ effects[name] - scatter[name])))
-
-    best = explained[0].candidate.name
-    one = effects[best]
+def _alike(explained: list[Explanation], effects: dict[str, np.ndarray]) -> None:
+    best = explained[0]
+    one = effects[best.candidate.name]
     for other in explained[1:]:
-        name = other.candidate.name
+        two = effects[other.candidate.name]
         if not np.isfinite(other.seen_from):
             continue
-        sizes = size(best) * size(name)
-        correlation = float(one @ effects[name]) / sizes if sizes > 0 else 0.0
+        sizes = _size(one, best.candidate) * _size(two, other.candidate)
+        correlation = float(one @ two) / sizes if sizes > 0 else 0.0
         if abs(correlation) >= ALIKE:
-            explained[0].like[name] = max(-1.0, min(1.0, correlation))
+            best.like[other.candidate.name] = max(-1.0, min(1.0, correlation))
+
+
+def _size(effect: np.ndarray, candidate: Candidate) -> float:
+    return float(np.sqrt(max(0.0, effect @ effect - _noise(effect, candidate))))
+
+
+def _noise(effect: np.ndarray, candidate: Candidate) -> float:
+    """The scatter of the simulations in the square of an effect."""
+    return 0.0 if candidate.shaft_only else np.count_nonzero(effect) / candidate.step**2
 
 
 class _Nominal:
@@ -643,14 +611,6 @@ class _Nominal:
         """The places of each quantity's values."""
         ends = list(itertools.accumulate(int(used.sum()) for used in self.used.values()))
         return [slice(begin, end) for begin, end in zip([0, *ends], ends)]
-
-    @property
-    def blocks(self) -> tuple[np.ndarray, np.ndarray]:
-        """The number of each value's quantity and of its window. The windows of a quantity have
-        its systematic error in common; quantities of a window have its ripple in common."""
-        quantities = [np.full(int(used.sum()), n) for n, used in enumerate(self.used.values())]
-        windows_of = [np.nonzero(used)[0] for used in self.used.values()]
-        return np.concatenate(quantities), np.concatenate(windows_of)
 
     def effect(self, of_benches: list[dict[str, np.ndarray]]) -> np.ndarray:
         """The same of a changed simulation, 0 for the quantities that only scatter."""

@@ -9,7 +9,7 @@ than chance makes, and if it explains more than the best smaller one by more tha
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,8 +23,8 @@ SURE = 5.0
 #: of those that have the best smaller set in them.
 TRIED = 3
 MOST = 3
-#: Corrections of a set, each from a simulation with another noise. Those are averaged in whose
-#: simulation this many times the least square remains, and its square of times after it.
+#: Corrections of a set, each from a simulation with another noise. Those are averaged after whose
+#: simulation this many times the least square remains.
 STEPS, NEAR = 5, 1.3
 #: A correction shows how the effects change on the way if its square is so many noise variances.
 FAR = 10.0
@@ -86,7 +86,7 @@ class Set:
             "parameters": [
                 {
                     "parameter": c.name, "keys": list(c.keys),
-                    "unit": c.si_unit,
+                    "unit": "1" if c.unit == "%" else c.unit,
                     "change": float(x), "deviation": float(s), "like": self.like.get(c.name, {}),
                 }
                 for c, x, s in zip(self.candidates, self.changes, self.deviations)
@@ -98,24 +98,21 @@ class Set:
 
 class Search:
     """effects: the change of the quantities with each parameter, per unit of it, in expected
-    noises; scatter: what of their squares is the scatter of the simulations, by name; blocks:
-    numbers of the values, each for another way of putting together those whose errors are not
-    independent; the search uses the first; unknown: standard deviations of what no bench knows
-    exactly, as effects."""
+    noises; scatter: what of its square is the scatter of the simulations; groups: where each
+    quantity's values are."""
 
     def __init__(
         self,
         effects: dict[Candidate, np.ndarray],
-        scatter: Mapping[str, float],
+        scatter: Callable[[np.ndarray, Candidate], float],
         residual: np.ndarray,
-        blocks: Sequence[np.ndarray],
+        groups: Sequence[slice],
         simulate: Simulate,
-        unknown: Sequence[np.ndarray] = (),
     ) -> None:
         self.scatter, self.residual, self.simulate = scatter, residual, simulate
-        self.blocks, self.unknown = blocks, unknown
+        self.groups = groups
         self.effects = {
-            c: effect for c, effect in effects.items() if effect @ effect > 2 * scatter[c.name]
+            c: effect for c, effect in effects.items() if effect @ effect > 2 * scatter(effect, c)
         }
 
     def best(self, first: Candidate) -> Set | None:
@@ -130,7 +127,6 @@ class Search:
             found = larger
         if found:
             self._alike(found)
-            self._widen(found)
         return found
 
     def _larger(self, smaller: Set) -> list[list[Candidate]]:
@@ -163,7 +159,7 @@ class Search:
     def _normal(self, some: Sequence[Candidate], effects: np.ndarray) -> np.ndarray:
         """The normal matrix without the scatter of the simulations, which has no direction."""
         square = effects @ effects.T
-        less = np.array([self.scatter[c.name] for c in some])
+        less = np.array([self.scatter(e, c) for e, c in zip(effects, some)])
         return square - np.diag(np.minimum(less, 0.5 * np.diag(square)))
 
     def fitted(self, some: list[Candidate]) -> Set | None:
@@ -187,13 +183,10 @@ class Search:
             rest = self.residual - moved[0]
             # From effects that have not the noise of this simulation: what remains has it, too.
             more = np.clip(change + step(rest), low, high) - change
-            left = rest - more @ effects
-            tried.append((float(rest @ rest), change + more, left))
+            tried.append((float(rest @ rest), change + more, rest - more @ effects))
             # The best simulations; the others are still on the way.
             least = min(squared for squared, _, _ in tried)
             good = [one for one in tried if one[0] < NEAR * least]
-            end = min(float(left @ left) for _, _, left in good)
-            good = [one for one in good if float(one[2] @ one[2]) < NEAR**2 * end]
             found = self._set(some, [g[1] for g in good], [g[2] for g in good], effects)
             if n > 0 and not found.may_be:
                 break
@@ -220,30 +213,14 @@ class Search:
         inverse = np.linalg.pinv(self._normal(some, effects), rcond=1e-12, hermitian=True)
         size = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
         spread = np.sqrt(max(1.0, float(rest @ rest) / len(rest)))
-        pulled = self._pulled(self.blocks[0], rest, effects, inverse)
-        deviations = np.hypot(np.maximum(size * spread, pulled), scatter)
-        for one in self.unknown:
-            deviations = np.hypot(deviations, inverse @ (effects @ one))
+        # The pull of each quantity as a whole: the windows of one are not independent, and
+        # the noise of a quantity may be larger than expected.
+        pulls = np.array([effects[:, own] @ rest[own] for own in self.groups])
+        count = len(self.groups)
+        pulled = inverse @ (pulls.T @ pulls) @ inverse * count / max(1, count - len(some))
+        deviations = np.maximum(size * spread, np.sqrt(np.diag(pulled)))
+        deviations = np.hypot(deviations, scatter)
         return Set(some, changes, deviations, inverse / np.outer(size, size), rest, effects)
-
-    @staticmethod
-    def _pulled(
-        block: np.ndarray, rest: np.ndarray, effects: np.ndarray, inverse: np.ndarray
-    ) -> np.ndarray:
-        """Standard deviations of the changes if the values of a block have errors in common."""
-        pulls = np.array([np.bincount(block, effect * rest) for effect in effects])
-        count = pulls.shape[1]
-        covariance = inverse @ (pulls @ pulls.T) @ inverse
-        return np.sqrt(np.diag(covariance) * count / max(1, count - len(effects)))
-
-    def _widen(self, found: Set) -> None:
-        """The deviations by all blocks. The rest is that of the whole set only now: of a smaller
-        one it has what the others explain."""
-        normal = self._normal(found.candidates, found.effects)
-        inverse = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
-        for block in self.blocks[1:]:
-            pulled = self._pulled(block, found.rest, found.effects, inverse)
-            found.deviations = np.maximum(found.deviations, pulled)
 
     def _alike(self, found: Set) -> None:
         """Alternatives to one of the parameters, while the others change as well."""
@@ -254,8 +231,8 @@ class Search:
                 if other in found.candidates:
                     continue
                 away = _without(effect, rest_of)
-                sizes = np.sqrt(max(0.0, own @ own - self.scatter[one.name]))
-                sizes *= np.sqrt(max(0.0, away @ away - self.scatter[other.name]))
+                sizes = np.sqrt(max(0.0, own @ own - self.scatter(own, one)))
+                sizes *= np.sqrt(max(0.0, away @ away - self.scatter(effect, other)))
                 correlation = float(own @ away) / sizes if sizes > 0 else 0.0
                 if abs(correlation) >= ALIKE:
                     likes = found.like.setdefault(one.name, {})

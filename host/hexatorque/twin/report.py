@@ -10,7 +10,7 @@ from ..analysis import overlay
 from ..analysis.pages import write_page
 from .fit import DIFFERS, SPEED, Comparison, Explanation
 from .joint import Set
-from .quantities import QUANTITIES, about
+from .quantities import QUANTITIES
 
 #: Rows of a picture: what differs comes first, then these.
 USUAL = (SPEED, "shaft torque", "current along the flux", "R_s in use", "slip", "estimated torque")
@@ -86,11 +86,10 @@ def change(one: Explanation) -> str:
 
 
 def quantity_rows(comparison: Comparison) -> list[list[str]]:
-    model = comparison.setup["machine.model"]
     return [
         [
             d.name, QUANTITIES[d.name].unit, f"{d.size:.4g}", f"{d.rms:.3g}", f"{d.noise:.3g}",
-            f"{d.ratio:.1f}", "differs" if d.differs else "agrees", about(d.name, model) or "",
+            f"{d.ratio:.1f}", "differs" if d.differs else "agrees", QUANTITIES[d.name].about,
         ]
         for d in comparison.differences
     ]  # fmt: skip
