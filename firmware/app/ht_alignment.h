@@ -2,12 +2,15 @@
  *  The alignment of a rotor with magnets: the drive learns its angle, and checks it, before it makes torque.
  *
  *  "align": direct current pulls the d axis to 105 degrees, then to 15 degrees; to 90 and to 0 where the
- *  winding's sets are not 30 degrees apart. So a rotor that stood
- *  exactly against the current at first is pulled all the same, and the encoder must show a quarter of
- *  an electrical turn backwards, from the middle of its swing. "known": the encoder's count tells the angle. Direct current pulls the
- *  rotor to the nearest of twelve directions, where the count must show it within 30 degrees; beyond 60 it
- *  ends at once, so a wrong angle is found before the rotor has made a quarter of an electrical turn. Either
- *  way the rotor swings for a while, and the drive waits until it rests.
+ *  winding's sets are not 30 degrees apart. So a rotor that stood exactly against the current at first is
+ *  pulled all the same. The encoder must then show a quarter of an electrical turn backwards, from the
+ *  middle of the rotor's swing.
+ *
+ *  "known": the encoder's count tells the angle. Direct current pulls the rotor to the nearest of twelve
+ *  directions, where the count must show it within 30 degrees; beyond 60 it ends at once, so a wrong angle
+ *  is found before the rotor has made a quarter of an electrical turn.
+ *
+ *  Either way the rotor swings for a while, and the drive waits until it rests.
  */
 #ifndef HT_ALIGNMENT_H
 #define HT_ALIGNMENT_H

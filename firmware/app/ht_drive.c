@@ -79,9 +79,9 @@ HT_SELDOM static uint16_t tripped_by(const ht_drive *d)
     return (faults != 0u) ? (uint16_t)faults : (uint16_t)HT_FAULT_EXTERNAL;
 }
 
-/* Gates on: look at the squared current of one phase, and in every seventh interrupt at none. So each
- * phase is looked at in every interrupt of a switching period, which has two or four of them: at a
- * multiple of their number its ripple would always be at the same place. */
+/* Gates on: look at the squared current of one phase, and in every seventh interrupt at none. A switching
+ * period has one, two or four interrupts. So the looks at a phase meet each of them in turn; in a round of
+ * six they would meet only every other one, and its ripple. */
 static inline void look_at_heat(ht_drive *d)
 {
     uint16_t leg = d->heat_leg;

@@ -21,6 +21,8 @@ TAGS = ("paper", "assumed", "estimated", "measured", "tuned")
 ESTIMATED = TAGS[2]
 #: The same, for values that the user's own file or command line gives.
 USER = "user"
+#: A thermal resistance that is there.
+LEAST_K_W, MOST_K_W = 1e-5, 1e3
 LATENCIES = ("none", "immediate", "shadow", "predicted")
 
 
@@ -248,12 +250,14 @@ KEYS: dict[str, dict[str, Key]] = {
         "winding_K_W": _n(
             "thermal resistance from the winding to the frame; without it no temperatures",
             "K/W",
-            1e-5,
-            1e3,
+            LEAST_K_W,
+            MOST_K_W,
             0.0,
         ),
         "winding_s": _n("thermal time constant of the winding", "s", 0.01, 1e5, 60.0),
-        "frame_K_W": _n("thermal resistance from the frame to the ambient", "K/W", 1e-5, 1e3, 0.5),
+        "frame_K_W": _n(
+            "thermal resistance from the frame to the ambient", "K/W", LEAST_K_W, MOST_K_W, 0.5
+        ),
         "frame_s": _n("thermal time constant of the frame", "s", 0.01, 1e6, 1800.0),
         "ambient_degC": _n("ambient temperature, and the machine's", "degC", -50, 150, 40.0),
         "ohm_degC": _n("temperature at which rs_ohm and rr_ohm are stated", "degC", -50, 250, 20.0),
@@ -262,17 +266,17 @@ KEYS: dict[str, dict[str, Key]] = {
             "without these and diode_K_W no temperatures of devices",
             "K/W",
             0,
-            1e3,
+            MOST_K_W,
             (0.0,) * 4,
         ),
         "switch_s": _four("their time constants", "s", 1e-5, 1e4, (1e-3, 1e-2, 0.1, 1.0)),
-        "diode_K_W": _four("the same of a diode", "K/W", 0, 1e3, (0.0,) * 4),
+        "diode_K_W": _four("the same of a diode", "K/W", 0, MOST_K_W, (0.0,) * 4),
         "diode_s": _four("their time constants", "s", 1e-5, 1e4, (1e-3, 1e-2, 0.1, 1.0)),
         "sink_K_W": _n(
             "thermal resistance from the heat sink to the ambient; without it both are as warm",
             "K/W",
-            1e-5,
-            1e3,
+            LEAST_K_W,
+            MOST_K_W,
             0.0,
         ),
         "sink_s": _n("thermal time constant of the heat sink", "s", 0.01, 1e6, 300.0),

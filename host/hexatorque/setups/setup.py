@@ -12,7 +12,7 @@ from ..plant.legs import DROPS
 from ..plant.machines import constants_of
 from . import derived, paths, to_parameters
 from .design import below_source
-from .keys import KEYS, MODEL, ZERO_OR_AT_LEAST, foreign
+from .keys import KEYS, LEAST_K_W, MODEL, MOST_K_W, ZERO_OR_AT_LEAST, foreign
 from .values import Profile, SetupError, Value
 
 
@@ -209,10 +209,10 @@ CHAINS = ("switch_K_W", "diode_K_W")
 def _heat_lines(setup: Setup) -> list[str]:
     """The same about temperatures: so quick a time lapse would leave them behind the currents."""
     lines = [
-        f"heat.{key} = [0, 0, 0, 0]: allowed is 1e-05 to 1000 K/W for one of them at least; "
-        "without this key the devices are as warm as the heat sink"
+        f"heat.{key} = [0, 0, 0, 0]: allowed is {LEAST_K_W:g} to {MOST_K_W:g} K/W for one of "
+        "them at least; without this key the devices are as warm as the heat sink"
         for key in CHAINS
-        if key in setup.values["heat"] and sum(setup[f"heat.{key}"]) < 1e-5
+        if key in setup.values["heat"] and sum(setup[f"heat.{key}"]) < LEAST_K_W
     ]
     chains = [key for key in CHAINS if any(setup[f"heat.{key}"])]
     heats = (*(f"inverter.{key}" for key in DROPS), "inverter.e_on_mJ", "inverter.e_off_mJ")
