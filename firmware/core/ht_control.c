@@ -358,17 +358,24 @@ static HT_INTO_CALLERS ht_action_points pull_along(ht_winding winding, unsigned 
 
 /* Shortest zero-mean virtual vector, units of Vdc. */
 #define VIRTUAL_PU 0.577f
+/* Cosine and sine of 15 degrees. */
+#define COSINE_15 0.9659258f
+#define SINE_15 0.25881905f
 
-/* Direction of the vector nearest to a step of the flux, HT_DIRECTIONS for a zero vector. */
+/* Direction of the vector nearest to a step of the flux, HT_DIRECTIONS for a zero vector. The vector of a
+ * sector lies at the sector's end, so the step is turned back by half a sector. */
 static HT_INTO_CALLERS unsigned nearest(const ht_control_config *cfg, float vdc_V,
                                         ht_winding winding, ht_ab step_Wb)
 {
     float half_Wb = 0.5f * VIRTUAL_PU * vdc_V * cfg->observer.ts_s;
     float size2 = step_Wb.alpha * step_Wb.alpha + step_Wb.beta * step_Wb.beta;
+    ht_ab back;
     if (!(size2 > half_Wb * half_Wb)) {
         return HT_DIRECTIONS;
     }
-    return (winding == HT_WINDING_30) ? ht_sector(step_Wb) : ht_sector_of_six(step_Wb);
+    back.alpha = COSINE_15 * step_Wb.alpha + SINE_15 * step_Wb.beta;
+    back.beta = COSINE_15 * step_Wb.beta - SINE_15 * step_Wb.alpha;
+    return (winding == HT_WINDING_30) ? ht_sector(back) : ht_sector_of_six(back);
 }
 
 /* The flux build-up: action points, and the state words into `s`. `step_Wb`: of a shaft that is
