@@ -198,7 +198,6 @@ static float adaptation_gain(const float *v, float time_s)
 static void apply_protection(const float *v, ht_protect_config *c)
 {
     float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
-    float gain;
     c->i_trip_A = v[HT_P_i_trip_A];
     c->i_ab_trip_A = v[HT_P_i_ab_trip_A];
     c->i_sum_trip_A = v[HT_P_i_sum_trip_A];
@@ -222,12 +221,9 @@ static void apply_protection(const float *v, ht_protect_config *c)
                         / (v[HT_P_rr_ohm] + v[HT_P_lr_H] * v[HT_P_f_slow_Hz] / ROTOR_FASTER);
         c->magnetise_A_Wb = ROTOR_FASTER / (ratio * v[HT_P_lm_H]);
     }
-    /* A mean over the slow period is half a period old, the flux's speed a time constant. */
-    c->estimate_back = 0.5f - OMEGA_FILTER_S * v[HT_P_f_slow_Hz];
+    c->slow_Hz = v[HT_P_f_slow_Hz];
+    c->slow_turns_s = 1.0f / (2.0f * PI_F * v[HT_P_f_slow_Hz]);
     c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
-    /* exp(-x) is (1 - x/2) / (1 + x/2) next to 0; a slow period of twice the time constant sees no lag. */
-    gain = 1.0f / (0.5f + OMEGA_FILTER_S * v[HT_P_f_slow_Hz]);
-    c->short_gain = (gain < 1.0f) ? gain : 1.0f;
     c->magnets = v[HT_P_machine] != 0.0f;
     c->inv_psi_f = 1.0f / v[HT_P_psi_f_Wb];
     c->counts_quick = encoder_gain(v, COUNTS_QUICK_S);

@@ -416,7 +416,6 @@ static void begin_run(ht_drive *d, float omega)
 {
     d->flux_ramp_Wb = d->flux_ref_Wb;
     d->omega_mean_rad_s = omega;
-    d->protect.estimated_rpm = d->speed_rpm; /* there was no slip */
     d->flux_lowered = 0u;
     d->flux_unknown = 0.0f;
     ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);

@@ -164,8 +164,7 @@ void ht_drive_slow_isr(ht_drive *d)
                                 d->speed_rpm / c->protect.rpm_per_rad_s);
     }
     if (d->state == (uint16_t)HT_STATE_RUN) {
-        faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm,
-                                 d->in.inv_flux_ref2);
+        faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
         d->slow_faults = faults | lasting;
         d->omega_mean_rad_s += c->omega_mean_gain
                                * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
