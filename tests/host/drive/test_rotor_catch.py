@@ -2,14 +2,22 @@
 induce. The current of a few periods with all legs low tells whether the believed angle is right.
 """
 
+import itertools
+import random
+from typing import NamedTuple
+
 import numpy as np
 import pytest
+from campaigns import part
 
-from hexatorque import setups
+from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.firmware import BUILD, CALIBRATE, FAULT, IDLE, RUN, FirmwareError, ffi, lib
+from hexatorque.plant.vsd import inverse
 from hexatorque.setups import parameters
 from hexatorque.setups.design import Design
+from hexatorque.setups.keys import TIMING_OWNS
+from hexatorque.setups.review import ready_of, review
 
 START_DEG = 37.0
 DRIVES = [
@@ -35,6 +43,8 @@ class Shaft:
         setup = setups.load(name).with_scheme(
             scheme, machine__start_deg=START_DEG, load__kind="constant", **more
         )
+        self.trip_A = setup.parameter("i_trip_A")
+        self.displacement_deg = setup.machine_values()["displacement_deg"]
         self.drive = SimulatedDrive(setup, 4)
         self.design = Design(setup, parameters(setup).__getitem__)
         self.ceiling_rpm = self.drive.machine.ceiling_rpm(self.drive.vdc_V)
@@ -66,6 +76,8 @@ class Shaft:
         rec = drive.take()
         current = np.hypot(rec["plant.i_alpha_A"], rec["plant.i_beta_A"]).max()
         torque = np.abs(rec["plant.torque_Nm"]).max()
+        planes = [rec[f"plant.i_{axis}_A"] for axis in ("alpha", "beta", "x", "y")]
+        self.peak_A = np.abs(inverse(self.displacement_deg) @ planes).max()
         return current / self.design.rated_A, torque / self.design.rated_Nm
 
 
@@ -79,6 +91,53 @@ def test_a_turning_shaft_is_caught(name, scheme, share):
     assert current < MOST and torque < 0.75
     assert abs(shaft.drive.speed_rpm / shaft.rpm - 1) < 0.05
     assert shaft.drive.gate_mistake == "" and shaft.drive.controller.registers.violations == 0
+
+
+class Case(NamedTuple):
+    name: str
+    scheme: str
+    share: float  #: of the ceiling
+    pause_s: float  #: with the gates off
+    off: float  #: share by which the machine differs from what the drive believes
+
+
+def allowed(name):
+    """The schemes that `check` passes."""
+    schemes = firmware.schemes()
+    return ready_of(review(setups.load(name), schemes), schemes)
+
+
+CASES = [
+    Case(name, scheme, sign * share, pause_s, off)
+    for name in dict.fromkeys(name for name, _ in DRIVES)
+    for scheme in allowed(name)
+    for share, sign, pause_s, off in itertools.product(
+        (0.1, 0.5, 0.85), (1, -1), (0.01, 0.3, 3.0), (-1.0, 1.0)
+    )
+]
+
+
+@pytest.mark.parametrize("case", part(CASES, 12), ids=str)
+def test_every_scheme_catches_a_machine_that_it_does_not_know(case):
+    """Nothing decays with magnets: the pause changes how far the angle has turned. The current
+    stays below 0.8 of the trip."""
+    draw = random.Random(str(case))
+    base = setups.load(case.name)
+    known = {
+        f"controller__{n}": v for n, v in setups.parameters(base.with_scheme(case.scheme)).items()
+        if n not in TIMING_OWNS
+    }  # fmt: skip
+    off = {"rs_ohm": 0.2, "psi_f_Wb": 0.05, "ld_H": 0.1, "lq_H": 0.1, "lxy_H": 0.1}
+    machine = {
+        f"machine__{n}": base[f"machine.{n}"] * (1 + case.off * draw.choice((-1, 1)) * by)
+        for n, by in off.items()
+    }
+    noise = {"sensors__i_noise_A": 0.002 * base["sensors.i_full_A"], "sensors__noise_seed": 7}
+    shaft = Shaft(case.name, case.scheme, **known, **machine, **noise).aligned()
+    shaft.turned(case.share, case.pause_s)
+    shaft.started()
+    assert shaft.drive.state == RUN, shaft.drive.trip
+    assert shaft.peak_A < 0.8 * shaft.trip_A
 
 
 @pytest.mark.parametrize("latency", ["none", "immediate", "shadow"])
