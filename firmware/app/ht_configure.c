@@ -425,7 +425,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     configure_sensors(v, c);
     configure_device_heat(v, &c->device_heat);
     c->pull_out_Nm_Wb2 = pull_out(v);
-    ht_derating_configure(&c->params, &c->control.observer, &c->derating);
+    ht_derating_configure(&c->params, &c->control, &c->derating);
     configure_least_loss(v, c->pull_out_Nm_Wb2, &c->least_loss);
     configure_flux_brake(v, &c->flux_brake);
     c->sets.gain = 1.0f / (1.0f + SETS_S * v[HT_P_f_slow_Hz]);

@@ -1020,6 +1020,27 @@ def _expected(d: Design, f_sw_Hz: float) -> Iterator[Finding]:
         yield _told("inverter's switching losses at rated torque, about", switching_W, "W")
 
 
+def _without_leg(d: Design, controller: Controller) -> Iterator[Finding]:
+    """The torque with which magnets go on: there is less current, and at speed less voltage."""
+    from .. import firmware
+
+    if not d.magnets or d.parameter("ride_through") == "off":
+        return
+    lib, config = firmware.lib, controller.drive.config
+    lost = firmware.ffi.new("ht_lost_legs *")
+    lib.ht_lost_legs_of(config.control.observer.winding, 1, lost)
+    omega = d.machine.pole_pairs * rad_s(d.rated_rpm)
+    most_A = lib.ht_derated_A(lost, config.derating.rated_A)
+    left_V = lib.ht_derated_V(
+        firmware.ffi.addressof(config.derating), d.vdc_V, d.machine.rs_ohm, omega, most_A
+    )
+    yield at_least(
+        "torque left at rated speed without a phase",
+        d.machine.most_torque_Nm(omega, d.flux_Wb, left_V, most_A, PULL_OUT_SHARE), d.rated_Nm,
+        "N m", "a drive that goes on without one takes no more load", "note",
+    )  # fmt: skip
+
+
 def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
     """The mean torque where schemes are compared. A law without comparators predicts the flux that
     has the torque asked for: its mean is the reference."""
@@ -1036,6 +1057,7 @@ def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
         controller = firmware.Controller(own["timing.device"], parameters(own))
     except (SetupError, firmware.FirmwareError):
         return  # what is wrong is said elsewhere
+    yield from _without_leg(d, controller)
     if modulated:
         changed = of_modulator(d, controller, speed_rpm, asked_Nm, CHANGED)
         yield from _of_pulses(d, controller, changed, where)

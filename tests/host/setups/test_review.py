@@ -712,3 +712,18 @@ def test_no_level_is_told_where_the_capacitor_holds_no_band():
         found = by_subject(setup.changed(inverter__link_F=link_F, inverter__source_ohm=0.3))
         assert (LOW in found) == told and (BAND in found) == told
     assert LOW not in by_subject(setup)
+
+
+def test_magnets_that_go_on_without_a_phase_tell_the_torque_that_is_left():
+    """4/13 of the squared current, and less voltage: a table has 0.48 Vdc, the modulator 0.58."""
+    riding = setups.load("magnet-surface").changed(
+        controller__ride_through="least-loss", controller__i_rated_A=2.5
+    )
+    subject = "torque left at rated speed without a phase"
+    left = {f.scheme: f for f in review(riding, ["ddr", "foc"]) if f.subject == subject}
+    most_Nm = 3 * 5 * riding["machine.psi_f_Wb"] * math.sqrt(2) * 2.5 * 2 / math.sqrt(13)
+    assert left["foc"].value == pytest.approx(most_Nm, rel=0.01)
+    assert 0.1 * most_Nm < left["ddr"].value < 0.7 * most_Nm
+    assert {f.verdict for f in left.values()} == {"note"}
+    stops = review(setups.load("magnet-surface"), ["foc"])
+    assert subject not in {f.subject for f in stops}
