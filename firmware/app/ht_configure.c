@@ -308,6 +308,10 @@ static void configure_flux_brake(const float *v, ht_flux_brake_config *c)
 /* Low pass of the squared currents, slow periods: their ripple at twice the current's frequency must
  * not be taken for a constant by the samples of the slow interrupt. */
 #define HEAT_LOOK_PERIODS 2.0f
+/* Low pass of what their means are more, looks: as much as the ripple makes of one is no constant either. */
+#define HEAT_MORE_LOOKS 10.0f
+/* Of turns of seven interrupts, four meet each place of a switching period of four. */
+#define HEAT_TURNS 4.0f
 
 /* The adapted R_s is exact after so many of its time constants: where the speed fades it, 100 K are far
  * below the model's trust in it then. */
@@ -322,12 +326,16 @@ static void configure_heat(const ht_params *p, ht_heat_config *c)
     float step_s;
     c->steps = 0.0f;
     c->look_gain = 0.0f;
+    c->more_gain = 0.0f;
+    c->look_turns = 0.0f;
     if (per_s > 0.0f) {
         c->steps = (float)(uint32_t)(HEAT_STEP / (per_s * slow_s)) + 1.0f;
     }
     if ((per_s > 0.0f) || (v[HT_P_device_K_W] > 0.0f)) {
         float looks = slow_s * v[HT_P_f_isr_Hz] / (legs + 1.0f); /* of a leg, in a slow period */
         c->look_gain = 1.0f / (1.0f + HEAT_LOOK_PERIODS * looks);
+        c->more_gain = 1.0f / (1.0f + HEAT_MORE_LOOKS);
+        c->look_turns = looks + HEAT_TURNS;
     }
     step_s = c->steps * slow_s;
     c->to_frame = step_s / v[HT_P_winding_s];

@@ -431,12 +431,17 @@ def _or_profile(d: Design, link_V: float) -> str:
     return "" if link_V == d.vdc_V else f", or change profile.vdc_V = {link_V:g} V"
 
 
-def _rated_degC(d: Design) -> float:
-    """Temperature of the winding at which its losses at rated current settle, as the controller is
-    told them; the rotor's are about as much as the slip takes of the torque."""
+#: Direct current of the amplitude heats a phase so many times as much as alternating current.
+STANDING = 2.0
+
+
+def _rated_degC(d: Design, share: float = 1.0) -> float:
+    """Temperature of the phase with this `share` of the mean loss at which the losses at rated
+    current settle, as the controller is told them; the rotor's are about as much as the slip takes
+    of the torque."""
     p = d.parameter
     ambient_W, W_per_K = _rated_copper(d)
-    both_K_W = p("winding_K_W") + p("frame_K_W")
+    both_K_W = share * p("winding_K_W") + p("frame_K_W")
     grows = W_per_K * both_K_W
     if grows >= 1:
         return math.inf
@@ -497,6 +502,13 @@ def _fits(d: Design) -> Iterator[Finding]:
             "the drive will not keep its rated current: lower controller.winding_K_W or frame_K_W, "
             "or raise winding_limit_degC", "note",
         )  # fmt: skip
+        if d.magnets:
+            yield at_most(
+                "phase that stands at the amplitude of rated current, in the end",
+                _rated_degC(d, STANDING), p("winding_limit_degC"), "degC",
+                "the drive will not hold rated torque at a standstill: lower "
+                "controller.winding_K_W, or raise winding_limit_degC", "note",
+            )  # fmt: skip
     yield at_least(
         "flux_trip_Wb", p("flux_trip_Wb"), 1.2 * d.flux_Wb, "Wb",
         "raise controller.flux_trip_Wb above flux_ref_Wb",
