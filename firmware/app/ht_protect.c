@@ -27,6 +27,7 @@ void ht_protect_reset(ht_protect_state *st)
     st->i_A.beta = 0.0f;
     st->flux_Wb.alpha = 0.0f;
     st->flux_Wb.beta = 0.0f;
+    st->omega_rad_s = 0.0f;
     st->speed_error_rpm = 0.0f;
     st->counts_quick = 0.0f;
     st->counts_slow = 0.0f;
@@ -196,12 +197,18 @@ static float off_circle_A(const ht_protect_config *cfg, const ht_protect_state *
     return (psi2 != 0.0f) ? circle_distance_A(cfg, psi, i, psi2) : 0.0f;
 }
 
+static void remember(ht_protect_state *st, const ht_control_state *c, ht_ab rotor_Wb)
+{
+    st->flux_Wb = rotor_Wb;
+    st->omega_rad_s = c->observer.omega_sync_rad_s;
+}
+
 void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
                        const ht_control_state *c)
 {
     ht_ab r = rotor_flux(cfg, c);
     follow(cfg, st, r, c->observer.i_A);
-    st->flux_Wb = r;
+    remember(st, c, r);
 }
 
 /* The flux is off by the square root of `off2`, units of `flux_check`, at present. Is its mean square
@@ -225,37 +232,47 @@ static uint16_t magnets_slow(const ht_protect_config *cfg, ht_protect_state *st,
     return flux_beyond(cfg, st, off2);
 }
 
+#define PI_F 3.14159265f
 /* 2 atan(t) is 2 t/(1 + ATAN t^2), within 0.01 for |t| <= 1. */
 #define ATAN 0.28f
+
+/* Twice the angle whose tangent is across/along, along >= 0: -pi .. pi. */
+static float twice_angle(float across, float along)
+{
+    float size = fabsf(across);
+    bool steep = size > along;
+    float t = steep ? (along / size) : (size / along);
+    float angle = 2.0f * t / (1.0f + ATAN * t * t);
+    angle = steep ? (PI_F - angle) : angle;
+    return (across < 0.0f) ? -angle : angle;
+}
 
 /* No flux turns so often in a slow period. */
 #define MOST_TURNS 1.0e4f
 
 /* Electrical speed of the rotor flux `now`, mean since the slow interrupt before: the turn that the observer's
- * speed makes in this time, and the rest of the angle between both. The observer's speed alone has a scheme's
- * ripple in it, which beats with the looks, and is wrong where the voltage keeps the flux away from its
+ * speeds at both make in this time, and the rest of the angle between both. The observer's speed alone has a
+ * scheme's ripple in it, which beats with the looks, and is wrong where the voltage keeps the flux away from its
  * reference; and the stator flux turns by twice the load angle when the torque reverses. */
 static float flux_rad_s(const ht_protect_config *cfg, ht_protect_state *st,
                         const ht_control_state *c, ht_ab now)
 {
     ht_ab was = st->flux_Wb;
-    float observed = c->observer.omega_sync_rad_s;
+    float observed = 0.5f * (st->omega_rad_s + c->observer.omega_sync_rad_s);
     float turns = ht_limited(cfg->slow_turns_s * observed, MOST_TURNS);
     float part = turns - (float)(int32_t)turns;
     ht_ab turn = ht_unit((part < 0.0f) ? (part + 1.0f) : part);
     float along;
     float across;
-    float half;
     was = ht_product(turn, was);
     along = was.alpha * now.alpha + was.beta * now.beta;
     across = was.alpha * now.beta - was.beta * now.alpha;
     along += sqrtf(along * along + across * across);
-    st->flux_Wb = now;
-    if (along == 0.0f) { /* no flux before, or the opposite one */
-        return observed;
+    remember(st, c, now);
+    if ((along == 0.0f) && (across == 0.0f)) { /* no flux before, or the opposite one */
+        return c->observer.omega_sync_rad_s;
     }
-    half = ht_limited(across / along, 1.0f);
-    return observed + cfg->slow_Hz * (2.0f * half / (1.0f + ATAN * half * half));
+    return observed + cfg->slow_Hz * twice_angle(across, along);
 }
 
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,

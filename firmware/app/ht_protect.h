@@ -50,6 +50,7 @@ typedef struct {
     float rotor_now_Wb;      /**< the rotor flux itself */
     ht_ab i_A;               /**< low pass of the current along and across the rotor flux */
     ht_ab flux_Wb;           /**< of the rotor, at the slow interrupt before; 0: not known */
+    float omega_rad_s;       /**< the flux's speed by the observer then */
     float speed_error_rpm;   /**< mean of measured minus estimated speed */
     float counts_quick;      /**< with magnets: means of the encoder's counts in a period */
     float counts_slow;

@@ -172,6 +172,7 @@ void prove_protect_slow(void)
     st.rotor_now_Wb = nondet_float();
     st.i_A = any_ab();
     st.flux_Wb = any_ab();
+    st.omega_rad_s = nondet_float();
     st.speed_error_rpm = nondet_float();
     c.estimate.psi_Wb = any_ab();
     c.observer.i_A = any_ab();

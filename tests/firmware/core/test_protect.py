@@ -401,7 +401,7 @@ def mean_errors(slow_Hz, flux_at, told_at, measured_rpm, seconds=0.5):
     electrical speed that the observer tells then, `measured_rpm`: from a time to another."""
     cfg = config(MACHINES[1], encoder_gain=1 / (1 + 0.05 * slow_Hz), **at(slow_Hz))
     state, found = fresh(), []
-    lib.ht_protect_follow(cfg, state, seen(flux_at(0.0), 0j))
+    lib.ht_protect_follow(cfg, state, seen(flux_at(0.0), 0j, told_at(0.0)))
     for n in range(1, round(seconds * slow_Hz) + 1):
         was, now = (n - 1) / slow_Hz, n / slow_Hz
         slow(cfg, state, seen(flux_at(now), 0j, told_at(now)), measured_rpm(was, now))
