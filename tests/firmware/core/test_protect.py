@@ -456,6 +456,25 @@ def test_the_length_of_the_flux_tells_nothing_of_its_speed(length, takes_s, slow
     assert np.abs(errors).max() < 0.01 * slow_Hz * 30 / np.pi / MACHINES[1][0] + 1.0
 
 
+@pytest.mark.parametrize("radians", (2.5, -2.5, 8.0, -8.0))
+def test_half_a_turn_off_and_a_quick_start_are_told(radians):
+    """Up to half a turn in a slow period may be missing in what the observer tells. A shaft that
+    speeds up evenly makes the mean turn of the speeds at both looks, however far it is."""
+    slow_Hz, rpm_of = 10.0, 30 / np.pi / MACHINES[1][0]
+    if abs(radians) < np.pi:  # the observer is wrong by so much all the time
+        errors = mean_errors(
+            slow_Hz, lambda t: 0.4 * np.exp(50j * t), lambda t: 50.0 - radians * slow_Hz,
+            lambda was, now: 50.0 * rpm_of,
+        )  # fmt: skip
+    else:
+        rise = 2 * radians * slow_Hz**2  # rad/s^2
+        errors = mean_errors(
+            slow_Hz, lambda t: 0.4 * np.exp(0.5j * rise * t**2), lambda t: rise * t,
+            lambda was, now: 0.5 * rise * (was + now) * rpm_of,
+        )  # fmt: skip
+    assert np.abs(errors).max() < 0.01 * slow_Hz * rpm_of + 1.0
+
+
 def test_a_flux_that_is_not_known_yet_has_the_speed_that_the_observer_tells():
     machine, state = MACHINES[0], fresh()
     slow(config(machine), state, seen(0.6j, 0j, 100.0), 0.0)
