@@ -308,7 +308,7 @@ static void configure_flux_brake(const float *v, ht_flux_brake_config *c)
 /* Low pass of the squared currents, slow periods: their ripple at twice the current's frequency must
  * not be taken for a constant by the samples of the slow interrupt. */
 #define HEAT_LOOK_PERIODS 2.0f
-/* Low pass of what their means are more, looks: as much as the ripple makes of one is no constant either. */
+/* Low pass of the part of the squares that the samples miss, in looks: that of one look scatters. */
 #define HEAT_MORE_LOOKS 10.0f
 /* Of turns of seven interrupts, four meet each place of a switching period of four. */
 #define HEAT_TURNS 4.0f

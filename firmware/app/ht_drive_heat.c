@@ -102,7 +102,7 @@ static float device_share(const ht_drive *d, const ht_drive_config *c)
                    : 1.0f;
 }
 
-/* What the mean squares of the look are more than the squares of its two samples. */
+/* The part that the samples miss: the mean squares of the look less the squares of its two samples. */
 HT_SELDOM static void take_look(ht_drive *d, const ht_drive_config *c)
 {
     const ht_observer_config *m = &c->control.observer;

@@ -197,6 +197,7 @@ static float off_circle_A(const ht_protect_config *cfg, const ht_protect_state *
     return (psi2 != 0.0f) ? circle_distance_A(cfg, psi, i, psi2) : 0.0f;
 }
 
+/* For the next look at the flux. */
 static void remember(ht_protect_state *st, const ht_control_state *c, ht_ab rotor_Wb)
 {
     st->flux_Wb = rotor_Wb;
