@@ -128,12 +128,16 @@ HT_SELDOM static void take_look(ht_drive *d, const ht_drive_config *c)
  * current whose frequency fits the slow interrupt's, must not come each time. */
 HT_SELDOM static void follow_look(ht_drive *d, const ht_drive_config *c)
 {
+    uint32_t drawn;
+    float wait;
     if (!(c->heat.more_gain > 0.0f) || (d->looked == 0u)) {
         return;
     }
     take_look(d, c);
-    d->look_turn = (uint16_t)(25173u * (uint32_t)d->look_turn + 13849u);
-    d->look_wait = (uint16_t)(c->heat.look_turns * (1.0f / 65536.0f) * (float)d->look_turn);
+    drawn = 25173u * (uint32_t)d->look_turn + 13849u;
+    d->look_turn = (uint16_t)(drawn & 0xFFFFu);
+    wait = c->heat.look_turns * (1.0f / 65536.0f) * (float)d->look_turn;
+    d->look_wait = (uint16_t)wait;
     d->looked = 0u; /* last: now the fast interrupt may begin */
 }
 

@@ -284,14 +284,13 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     ht_ab r = rotor_flux(cfg, c);
     float slip = c->observer.rr_scale * cfg->slip_gain * (r.alpha * i.beta - r.beta * i.alpha);
     float r2 = r.alpha * r.alpha + r.beta * r.beta;
-    float estimated;
     float off;
     if (cfg->magnets) {
         return magnets_slow(cfg, st, c);
     }
     follow(cfg, st, r, i);
     if (r2 != 0.0f) {
-        estimated = cfg->rpm_per_rad_s * (flux_rad_s(cfg, st, c, r) - slip / r2);
+        float estimated = cfg->rpm_per_rad_s * (flux_rad_s(cfg, st, c, r) - slip / r2);
         st->speed_error_rpm += cfg->encoder_gain * (speed_rpm - estimated - st->speed_error_rpm);
     }
     off = off_circle_A(cfg, st) / cfg->no_load_A;

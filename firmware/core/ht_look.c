@@ -26,7 +26,8 @@ HT_SELDOM static void find_edges(ht_look *look, const ht_look_circuit *c)
 {
     const ht_compare *p = &look->pattern[1];
     uint16_t full = c->period->counts;
-    uint16_t dead = (uint16_t)(c->dead->dead_pu * (float)full + 0.5f);
+    float rounded = c->dead->dead_pu * (float)full + 0.5f;
+    uint16_t dead = (uint16_t)rounded;
     unsigned bit = HT_LEG_U1;
     int leg;
     look->before = last_word(&look->pattern[0], c->period);
@@ -124,6 +125,17 @@ HT_SELDOM static uint16_t step_word(const ht_look *look, uint16_t now, uint16_t 
     return next;
 }
 
+/* How far each leg's voltage is from its mean, in parts of V_dc. */
+HT_SELDOM static void find_away(ht_look *look, unsigned word)
+{
+    unsigned bit = HT_LEG_U1;
+    int leg;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        look->away[leg] = (((word & bit) != 0u) ? 1.0f : 0.0f) - look->high[leg];
+        bit >>= 1;
+    }
+}
+
 /* This share of the period with one state word: the currents go on, and their squares are added up. */
 HT_SELDOM static void add(const ht_look *look, float share, ht_six *i_A, ht_six *square_A2)
 {
@@ -145,25 +157,28 @@ HT_SELDOM static void add(const ht_look *look, float share, ht_six *i_A, ht_six 
 HT_SELDOM void ht_look_squares(ht_look *look, const ht_look_circuit *circuit, ht_six *square_A2)
 {
     uint16_t counts = circuit->period->counts;
-    ht_six i_A = look->i_A[0];
+    ht_six i_A;
     unsigned word;
+    unsigned bit = HT_LEG_U1;
     uint16_t now;
     uint16_t next;
     int leg;
     find_edges(look, circuit);
     find_responses(look, circuit);
     for (leg = 0; leg < HT_LEGS; leg++) {
-        if ((circuit->off_legs & (HT_LEG_U1 >> leg)) != 0u) {
+        if ((circuit->off_legs & bit) != 0u) {
             open(look, leg);
         }
         square_A2->p[leg] = 0.0f;
+        bit >>= 1;
     }
+    i_A = look->i_A[0];
     word = look->before;
     for (now = 0u; now < counts; now = next) {
+        uint16_t span;
         next = step_word(look, now, counts, &word);
-        for (leg = 0; leg < HT_LEGS; leg++) {
-            look->away[leg] = (((word & (HT_LEG_U1 >> leg)) != 0u) ? 1.0f : 0.0f) - look->high[leg];
-        }
-        add(look, (float)(next - now) / (float)counts, &i_A, square_A2);
+        span = (uint16_t)(next - now);
+        find_away(look, word);
+        add(look, (float)span / (float)counts, &i_A, square_A2);
     }
 }
