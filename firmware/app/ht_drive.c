@@ -93,6 +93,9 @@ HT_SELDOM static void bring_look(ht_drive *d, const ht_compare *out)
 {
     unsigned part = (unsigned)d->heat_turn - (unsigned)HT_LEGS;
     unsigned later = d->config->control.shadow ? 2u : 1u;
+    if (part == 0u) {
+        d->heat.samples[d->heat.bank].turns += 1.0f;
+    }
     if ((d->looked != 0u) || (d->look_wait != 0u)) {
         if (d->looked == 0u) {
             d->look_wait--;
@@ -123,8 +126,7 @@ static inline void write_pattern(ht_drive *d, const ht_compare *out)
     ht_port_write(d->port, out);
     if (leg < (uint16_t)HT_LEGS) {
         float i_A = d->in.i_A.p[leg];
-        float *square_A2 = &d->heat.square_A2[leg];
-        *square_A2 += d->config->heat.look_gain * (i_A * i_A - *square_A2);
+        d->heat.samples[d->heat.bank].sum_A2[leg] += i_A * i_A;
         d->heat_turn = (uint16_t)(leg + 1u);
     } else {
         bring_look(d, out);

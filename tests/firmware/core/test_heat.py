@@ -336,3 +336,41 @@ def test_before_any_current_r_s_tells_the_temperature_of_all_parts(make):
     at_20 = v["rs_ohm"] / (1 + COPPER * (v["rs_degC"] - 20))
     lib.ht_heat_built(cfg, state, at_20 * (1 + COPPER * (degC - 20)))
     assert temperatures(cfg, state) == pytest.approx([degC] * 7, abs=0.01)
+
+
+def test_the_mean_square_is_the_ratio_of_the_low_passes_of_sums_and_turns(make):
+    """In some slow periods a leg has no sample, in others it has three: each sample counts alike."""
+    cfg, state = make()
+    lib.ht_heat_reset(state)
+    rng = np.random.default_rng(7)
+    gain = cfg.sample_gain
+    sums, turns = np.zeros(6), 0.0
+    assert 0 < gain < 1
+    for _ in range(200):
+        now = rng.integers(0, 4)
+        squares = rng.uniform(0, 50, (now, 6)).sum(axis=0)
+        bank = state.samples[state.bank]
+        bank.turns = now
+        for leg in range(6):
+            bank.sum_A2[leg] = squares[leg]
+        lib.ht_heat_take(cfg, state)
+        sums += gain * (squares - sums)
+        turns += gain * (now - turns)
+        expected = sums / turns if turns else np.zeros(6)
+        np.testing.assert_allclose(list(state.square_A2), expected, rtol=2e-5, atol=1e-4)
+        for bank in state.samples:  # what was taken is gone
+            assert bank.turns == 0 and not any(bank.sum_A2)
+
+
+def test_a_current_of_half_the_slow_interrupts_frequency_has_its_mean_square(make):
+    """At any phase: its square has the slow interrupt's own frequency."""
+    cfg, state = make()
+    for phase in np.linspace(0, np.pi, 7):
+        lib.ht_heat_reset(state)
+        for period in range(40):
+            bank = state.samples[state.bank]
+            times = period + np.arange(10) / 10
+            bank.turns = 10
+            bank.sum_A2[0] = np.sum(np.cos(np.pi * times + phase) ** 2)
+            lib.ht_heat_take(cfg, state)
+        assert lib.ht_heat_square_A2(state, 0) == pytest.approx(0.5, rel=1e-4)
