@@ -305,7 +305,7 @@ static void configure_flux_brake(const float *v, ht_flux_brake_config *c)
 
 /* A step of the thermal model takes this share of its shortest time constant. */
 #define HEAT_STEP 0.03125f
-/* Low pass of the squared samples, slow periods: in one of them a leg may have one sample, or none. */
+/* Low pass of the squared samples, slow periods: in one of them a leg may have a single one. */
 #define HEAT_SAMPLE_PERIODS 2.0f
 /* Low pass of the part of the squares that the samples miss, in looks: that of one look scatters. */
 #define HEAT_MORE_LOOKS 10.0f
