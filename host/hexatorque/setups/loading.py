@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -101,6 +102,9 @@ def parse(source: str, name: str, folder: Path = Path(), *, whole: bool = True) 
         checked.get("defaults", start.defaults),
     )
     values = {section: checked.get(section, {}) for section in SECTIONS}
+    if table := values["machine"].get("flux_map"):
+        named = str(folder / table.value) if table.value else ""
+        values["machine"]["flux_map"] = replace(table, value=named)
     return setup.with_values(values) if whole else setup.with_part(values)
 
 

@@ -34,6 +34,8 @@ class Parameters:
     cogging_Nm: float = 0.0  #: amplitude of the cogging torque
     cogging_per_rev: int = 36  #: its periods in a revolution
     start_deg: float = 0.0  #: electrical angle of the d axis at the beginning
+    #: File of flux linkages against currents, of the plant alone; "": L_d, L_q, psi_f are constant.
+    flux_map: str = ""
     leads: tuple[int, ...] = (1, 2, 3, 4, 5, 6)  #: phase on each leg, 1 is u1
     displacement_deg: float = 30.0  #: of set 2 from set 1, electrical
 
