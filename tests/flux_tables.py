@@ -12,6 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hexatorque.plant.machines.flux_map import fit
+from hexatorque.setups.flux_table import table
+
 
 @dataclass(frozen=True)
 class Iron:
@@ -83,3 +86,7 @@ def text(rows):
 def written(path, rows):
     path.write_text(text(rows))
     return str(path)
+
+
+def fitted(rows):
+    return fit(*table(text(rows)))

@@ -345,6 +345,11 @@ def foreign(values: Iterable[str], model: str) -> list[str]:
     ]
 
 
+#: Values that name a file.
+FILES = {
+    f"{s}.{name}" for s, keys in KEYS.items() for name, key in keys.items() if key.kind == "file"
+}
+
 #: What 0 means, and the smallest other value: far below any machine's, and computable.
 ZERO_OR_AT_LEAST = {
     "machine.psi_knee_Wb": ("linear", 1e-3),  # smaller ones overflow the power law

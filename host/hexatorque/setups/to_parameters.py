@@ -9,7 +9,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ..errors import InputError
 from .derived import Known, rules_of
 from .design import below_source
 from .values import Profile, Values
@@ -138,39 +137,11 @@ def beside_the_plant(setup: Values) -> list[str]:
             )
     if setup["load.holding_Nm"] > 0 and float(values["brake_open_s"]) == 0:
         lines.append("load.holding_Nm needs controller.brake_open_s above 0: else nothing opens it")
-    lines += _beside_its_map(setup, float(values["i_ab_trip_A"]))
+    if file := setup.machine_values().get("flux_map"):
+        from . import flux_table
+
+        lines += flux_table.refused(file, setup["machine.psi_f_Wb"], float(values["i_ab_trip_A"]))
     return lines or load_before_flux(setup)
-
-
-#: By how much the magnets' flux in a table may differ from machine.psi_f_Wb.
-PSI_F_SHARE = 0.25
-
-
-def _beside_its_map(setup: Values, trip_A: float) -> list[str]:
-    """A line if the table of the true flux linkages cannot be used, is another machine's, or ends
-    below the current at which the drive trips."""
-    file = setup["machine.flux_map"] if setup["machine.model"] == "magnet" else ""
-    if not file:
-        return []
-    from ..plant.machines import flux_map
-
-    try:
-        found = flux_map.of(file)
-    except InputError as error:
-        return [f"machine.flux_map = {file!r}: {error}"]
-    psi_f = setup["machine.psi_f_Wb"]
-    if abs(found.psi_f_Wb - psi_f) > PSI_F_SHARE * psi_f:
-        low, high = (1 - PSI_F_SHARE) * psi_f, (1 + PSI_F_SHARE) * psi_f
-        return [
-            f"machine.flux_map = {file!r}: psi_d_Wb at no current = {found.psi_f_Wb:g}: allowed "
-            f"is {low:.4g} .. {high:.4g} Wb, within {PSI_F_SHARE:.0%} of machine.psi_f_Wb"
-        ]
-    if found.reach_A < trip_A:
-        return [
-            f"machine.flux_map = {file!r}: its currents end at {found.reach_A:g} A: allowed is "
-            f"{trip_A:g} A and more, controller.i_ab_trip_A"
-        ]
-    return []
 
 
 def load_before_flux(setup: Values) -> list[str]:

@@ -1,17 +1,15 @@
 """The machine with magnets and a table of flux linkages. The reference is one function, the energy
 of six windings over their fluxes and the rotor's angle: currents and torque are its derivatives.
-Then what a table may not be.
 """
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from flux_tables import HEADER, Iron, text, written
+from flux_tables import Iron, fitted
 from plant_calls import NO_LOAD, instant, integrate
 from scipy.integrate import solve_ivp
 
-from hexatorque.errors import InputError
 from hexatorque.plant import machine as contract
 from hexatorque.plant.machines import flux_map
 from hexatorque.plant.machines.magnet import initial, make
@@ -25,13 +23,8 @@ P = Parameters(3, 0.8, 5e-3, 12e-3, 0.9e-3, 0.16, 0.01, 0.002, start_deg=37.0)
 
 
 @pytest.fixture(scope="module")
-def table(tmp_path_factory):
-    return written(tmp_path_factory.mktemp("map") / "map.csv", IRON.rows(MOST_A, 41))
-
-
-@pytest.fixture(scope="module")
-def p(table):
-    return replace(P, flux_map=table)
+def p():
+    return replace(P, flux_map=fitted(IRON.rows(MOST_A, 41)))
 
 
 ANGLES = angles_rad(30.0)
@@ -241,11 +234,12 @@ def constant(p, most_A):
             yield i_d, i_q, p.psi_f_Wb + p.ld_H * i_d, p.lq_H * i_q
 
 
-def test_a_table_of_constant_inductances_is_the_linear_machine(tmp_path):
+def test_a_table_of_constant_inductances_is_the_linear_machine():
     """With harmonics and unequal resistances, to states far beyond the table."""
     p = replace(P, drs_ohm=(0.1, -0.05, 0.0, 0.2, 0.03, -0.1), emf_share=(0.04, -0.02, 0.01, 0.005))
     linear = make(p)
-    m = make(replace(p, flux_map=written(tmp_path / "map.csv", constant(p, 10.0))))
+    found = fitted(constant(p, 10.0))
+    m = make(replace(p, flux_map=found))
     rng = np.random.default_rng(7)
     y = [initial(linear), initial(m)]
     np.testing.assert_allclose(y[1], y[0], rtol=1e-12, atol=1e-15)
@@ -255,12 +249,12 @@ def test_a_table_of_constant_inductances_is_the_linear_machine(tmp_path):
         np.testing.assert_allclose(y[1], y[0], rtol=1e-9, atol=1e-12)
         for a, b in zip(look(m, y[1]), look(linear, y[0])):
             np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-7)
-    assert np.hypot(*y[0][:2]) > 2 * flux_map.of(str(tmp_path / "map.csv")).fields["last_Wb"][1]
+    assert np.hypot(*y[0][:2]) > 2 * found.fields["last_Wb"][1]
 
 
 def test_what_the_table_says_is_at_its_rows(p):
     """Rows themselves, mirrored ones too."""
-    m, found = make(p), flux_map.of(p.flux_map)
+    m, found = make(p), p.flux_map
     assert found.off_Wb < 1e-6 and found.psi_f_Wb == pytest.approx(IRON.psi_f)
     y = np.zeros(8)
     for i_d, i_q, d, q in IRON.rows(MOST_A, 11):
@@ -279,78 +273,3 @@ def test_at_no_current_coasting_has_none(p):
     y[6] = 30.0
     assert contract.coast(m, NO_LOAD, y, 1e-3, 1e3)
     assert abs(look(m, y)[0]).max() < 1e-9
-
-
-def grown(change, **of):
-    """Rows of a table, each put through `change`."""
-    return [change(*row) for row in Iron(**of).rows(40.0, 17)]
-
-
-ROWS = list(IRON.rows(40.0, 17))
-WRONG = {
-    "its first row must be": text(ROWS).replace("psi_d_Wb", "psi_d_mWb"),
-    r"row 3: four finite numbers": text([*ROWS[:2], ROWS[2][:3], *ROWS[3:]]),
-    r"row 5: four finite numbers are needed, not '-40.0,10.0,x,y'": text(ROWS).replace(
-        text(ROWS).split("\n")[5], "-40.0,10.0,x,y"
-    ),
-    "row 3: id_A = -40, iq_A = 5 is there twice": text([*ROWS[:2], ROWS[1], *ROWS[2:]]),
-    "the row id_A = -40, iq_A = 10 is missing": text([*ROWS[:2], *ROWS[3:]]),
-    "id_A and iq_A must ascend": text(reversed(ROWS)),
-    "iq_A has 4 values: allowed are 5": text([row for row in ROWS if row[1] < 20]),
-    "id_A must have the value 0": text([row for row in ROWS if row[0] != 0]),
-    r"psi_d_Wb at no current = -0.0254: allowed is more than 0": text(
-        grown(lambda a, b, d, q: (a, b, d - 0.2, q))
-    ),
-    "psi_q_Wb at no current = 0.01": text(grown(lambda a, b, d, q: (a, b, d, q + 0.01))),
-    "psi_d_Wb along id_A must grow: it does not after id_A = 5,": text(
-        grown(lambda a, b, d, q: (a, b, d - (0.05 if a > 5 else 0), q))
-    ),
-    "psi_q_Wb along iq_A must grow: it does not after id_A = -20, iq_A = -5": text(
-        grown(lambda a, b, d, q: (a, b, d, -q))
-    ),
-    r"differ by 0\.00\d+ H: allowed is 0\.0003": text(
-        grown(lambda a, b, d, q: (a, b, d, q * (1 - 0.002 * a)))
-    ),
-    "an incremental inductance is not above 0 at psi_d": text(
-        grown(lambda a, b, d, q: (a, b, d + (0.02 if a > 0 else 0), q))
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("said", WRONG)
-def test_a_wrong_table_is_refused_in_a_line(said, tmp_path):
-    (tmp_path / "map.csv").write_text(WRONG[said])
-    with pytest.raises(InputError, match=said) as error:
-        flux_map.of(str(tmp_path / "map.csv"))
-    assert "\n" not in str(error.value)
-
-
-def test_two_currents_of_the_same_fluxes_are_refused():
-    """Both axes alone grow, but along a diagonal the coupling makes the fluxes fall again."""
-    currents = np.linspace(-40, 40, 17)
-    rows = [
-        (a, b, 0.2 + 1e-3 * (a + 0.9 * b) + 4e-6 * a * b, 1e-3 * (b + 0.9 * a) + 2e-6 * a * a)
-        for a in currents for b in currents
-    ]  # fmt: skip
-    with pytest.raises(
-        InputError, match=r"comes nearer to it than \S+ Wb: allowed is 0\.002 Wb, 1% of psi_f"
-    ):
-        flux_map.fit(*flux_map.table(text(rows)))
-
-
-def test_comments_and_a_table_of_both_halves():
-    half = flux_map.table(f"# by hand\n\n{text(IRON.rows(40.0, 9))}")
-    rows = [(a, b, *IRON.flux_Wb(a, b)) for a in half[0] for b in half[1]]
-    whole = flux_map.table("\n".join([HEADER, *(",".join(map(str, row)) for row in rows)]))
-    for a, b in zip(half, whole):
-        np.testing.assert_allclose(a, b, atol=1e-12)
-
-
-def test_a_changed_file_is_read_again(tmp_path):
-    import os
-
-    path = tmp_path / "map.csv"
-    first = flux_map.of(written(path, IRON.rows(40.0, 9)))
-    written(path, replace(IRON, psi_f=0.19).rows(40.0, 9))
-    os.utime(path, ns=(1, 1))
-    assert flux_map.of(str(path)).psi_f_Wb == pytest.approx(0.19) != first.psi_f_Wb

@@ -18,30 +18,16 @@ the least incremental inductances of the table. They stay slopes of one function
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba.extending import overload
 
-from ...errors import InputError
-from ...given import text_of
 from ..compiled import INLINE, compiled
 
-COLUMNS = ("id_A", "iq_A", "psi_d_Wb", "psi_q_Wb")
 CELLS, DEGREE = 20, 4
 COUNT = CELLS + DEGREE
-#: Least values of a current in the table.
-LEAST_VALUES = 5
-#: By how much d psi_d/d i_q and d psi_q/d i_d may differ, over the smaller inductance at no
-#: current; and how far the fluxes of the plant may be from the table's, over psi_f.
-MOST_CURL, MOST_OFF = 0.05, 0.01
 #: What holds the third derivative small, beside the table's rows.
 STIFFNESS = 1e-4
 #: Largest flux that is a flux: a state that diverges ends here and not in a table's index.
@@ -198,144 +184,46 @@ def _per_H_of_kind(m, r):
 # -- from the table --------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FluxMap:
-    """A table that a plant can have. fields: of the machine's record; per_H: the largest slope of
-    a current; curl_H: the largest difference of the two cross inductances in the table; off_Wb:
-    how far the plant's fluxes are from the table's; reach_A: the largest amplitude of a current
-    that the table has in all directions."""
+    """What the plant has of a table. fields: of the machine's record; off_Wb: how far the plant's
+    fluxes are from the table's; most_per_H, least_per_H: slopes of the currents. Two fluxes have
+    the same current if the least is not above 0; least_at_Wb: psi_d - psi_f and psi_q there."""
 
     psi_f_Wb: float
     ld_H: float
     lq_H: float
     fields: dict[str, Any]
-    per_H: float
-    curl_H: float
     off_Wb: float
-    reach_A: float
+    most_per_H: float
+    least_per_H: float
+    least_at_Wb: tuple[float, float]
 
 
-def of(file: str) -> FluxMap:
-    """The map of a file. InputError says in one line what is wrong with it."""
-    path = Path(file)
-    changed = path.stat().st_mtime_ns if path.is_file() else 0
-    return _of(file, changed)
-
-
-@lru_cache(maxsize=8)
-def _of(file: str, _changed: int) -> FluxMap:
-    return fit(*table(text_of(Path(file))))
-
-
-def table(text: str) -> tuple[np.ndarray, ...]:
-    """(i_d, i_q, psi_d, psi_q): two axes, and two arrays over both."""
-    lines = (line for line in io.StringIO(text) if line.strip()[:1] not in ("", "#"))
-    given = list(csv.reader(lines))
-    if not given or tuple(name.strip() for name in given[0]) != COLUMNS:
-        raise InputError(f"its first row must be {','.join(COLUMNS)}")
-    found: dict[tuple[float, float], tuple[float, float]] = {}
-    for n, row in enumerate(given[1:], 1):
-        numbers = _numbers(row)
-        if numbers is None:
-            raise InputError(f"row {n}: four finite numbers are needed, not {','.join(row)!r}")
-        if numbers[:2] in found:
-            d, q = numbers[:2]
-            raise InputError(f"row {n}: id_A = {d:g}, iq_A = {q:g} is there twice")
-        found[numbers[:2]] = numbers[2:]
-    axes = [_axis(name, sorted({key[k] for key in found})) for k, name in enumerate(COLUMNS[:2])]
-    for d, q in product(*axes):
-        if (d, q) not in found:
-            raise InputError(f"the row id_A = {d:g}, iq_A = {q:g} is missing")
-    if list(found) not in (sorted(found), sorted(found, key=lambda key: key[::-1])):
-        raise InputError("id_A and iq_A must ascend from row to row, one of them within the other")
-    psi = np.array([[found[d, q] for q in axes[1]] for d in axes[0]])
-    i_d, i_q = map(np.array, axes)
-    if axes[1][0] == 0:  # the other half is its mirror image
-        mirror = psi[:, :0:-1] * np.array([1.0, -1.0])
-        psi, i_q = np.concatenate([mirror, psi], 1), np.concatenate([-i_q[:0:-1], i_q])
-    return i_d, i_q, psi[:, :, 0], psi[:, :, 1]
-
-
-def _numbers(row: list[str]) -> Any:
-    try:
-        numbers = tuple(float(cell) for cell in row)
-    except ValueError:
-        return None
-    return numbers if len(numbers) == 4 and all(map(math.isfinite, numbers)) else None
-
-
-def _axis(name: str, axis: list[float]) -> list[float]:
-    """The values of a current."""
-    if len(axis) < LEAST_VALUES:
-        raise InputError(f"{name} has {len(axis)} values: allowed are {LEAST_VALUES} and more")
-    if 0.0 not in axis:
-        raise InputError(f"{name} must have the value 0")
-    return axis
+def at_no_current(
+    i_d: np.ndarray, i_q: np.ndarray, psi_d: np.ndarray, psi_q: np.ndarray
+) -> tuple[float, float, float]:
+    """(psi_f, L_d, L_q) of a table that has the row of no current."""
+    d, q = int(np.argmin(abs(i_d))), int(np.argmin(abs(i_q)))
+    ld, lq = np.gradient(psi_d[:, q], i_d)[d], np.gradient(psi_q[d], i_q)[q]
+    return float(psi_d[d, q]), float(ld), float(lq)
 
 
 def fit(i_d: np.ndarray, i_q: np.ndarray, psi_d: np.ndarray, psi_q: np.ndarray) -> FluxMap:
-    """The energy that comes nearest to a table."""
-    d0, q0 = int(np.argmin(abs(i_d))), int(np.argmin(abs(i_q)))
-    psi_f = float(psi_d[d0, q0])
-    if psi_f <= 0:
-        raise InputError(f"psi_d_Wb at no current = {psi_f:g}: allowed is more than 0")
-    if abs(psi_q[d0, q0]) > 1e-3 * psi_f:
-        raise InputError(
-            f"psi_q_Wb at no current = {psi_q[d0, q0]:g}: the d axis is the magnets' north pole, "
-            f"allowed is {1e-3 * psi_f:.3g} Wb"
-        )
-    for name, slopes in (
-        ("psi_d_Wb along id_A", np.diff(psi_d, axis=0)),
-        ("psi_q_Wb along iq_A", np.diff(psi_q, axis=1)),
-    ):
-        if slopes.min() <= 0:
-            r, c = np.unravel_index(slopes.argmin(), slopes.shape)
-            raise InputError(
-                f"{name} must grow: it does not after id_A = {i_d[r]:g}, iq_A = {i_q[c]:g}"
-            )
-    ld = float(np.gradient(psi_d[:, q0], i_d)[d0])
-    lq = float(np.gradient(psi_q[d0], i_q)[q0])
-    curl = _curl_H(i_d, i_q, psi_d, psi_q)
-    most = MOST_CURL * min(ld, lq)
-    if curl > most:
-        raise InputError(
-            f"d psi_d/d i_q and d psi_q/d i_d differ by {curl:.3g} H: allowed is {most:.3g} H; "
-            "a field that gives back its energy has both the same"
-        )
-    return _fitted((i_d, i_q, psi_d, psi_q), (psi_f, ld, lq), curl)
-
-
-def _curl_H(i_d: np.ndarray, i_q: np.ndarray, psi_d: np.ndarray, psi_q: np.ndarray) -> float:
-    """The largest difference of the two cross inductances, at the table's inner rows: central
-    differences of both."""
-    d_by_q = np.gradient(psi_d, i_q, axis=1)
-    q_by_d = np.gradient(psi_q, i_d, axis=0)
-    return float(abs(d_by_q - q_by_d)[1:-1, 1:-1].max())
-
-
-def _fitted(
-    rows: tuple[np.ndarray, ...], linear: tuple[float, float, float], curl: float
-) -> FluxMap:
-    i_d, i_q, psi_d, psi_q = rows
-    psi_f, ld, lq = linear
+    """The energy that comes nearest to a table: its two axes, and both fluxes over them."""
+    psi_f, ld, lq = at_no_current(i_d, i_q, psi_d, psi_q)
     straight = np.array([[1 / ld], [1 / lq]])
     r = np.array([psi_d.ravel() - psi_f, psi_q.ravel()])
     i = np.array([axis.ravel() for axis in np.meshgrid(i_d, i_q, indexing="ij")])
     u = _Spline.nearest(r, i - straight * r)
     slopes = straight + u.per_H(r)[::2]
     u.beyond_per_H[:] = slopes.max(axis=1) - straight[:, 0]
-    off = _off_Wb(straight + 0 * r, u, r, i)
-    if off > MOST_OFF * psi_f:
-        raise InputError(
-            f"no field's energy comes nearer to it than {off:.3g} Wb: allowed is "
-            f"{MOST_OFF * psi_f:.3g} Wb, {MOST_OFF:.0%} of psi_f; is it smooth?"
-        )
     fields = {
         "excess": u.excess, "first_Wb": u.first_Wb, "last_Wb": u.last_Wb,
         "cells_per_Wb": u.cells_per_Wb, "beyond_per_H": u.beyond_per_H,
     }  # fmt: skip
-    reach = min(abs(i_d[0]), abs(i_d[-1]), abs(i_q[0]), abs(i_q[-1]))
-    return FluxMap(psi_f, ld, lq, fields, _most_per_H(straight, u), curl, off, float(reach))
+    off_Wb = _off_Wb(straight + 0 * r, u, r, i)
+    return FluxMap(psi_f, ld, lq, fields, off_Wb, *_extremes(straight, u))
 
 
 @dataclass(frozen=True)
@@ -434,19 +322,14 @@ def _off_Wb(straight: np.ndarray, u: _Spline, r: np.ndarray, i: np.ndarray) -> f
     return float(np.hypot((qq * d - dq * q) / det, (dd * q - dq * d) / det).max())
 
 
-def _most_per_H(straight: np.ndarray, u: _Spline) -> float:
-    """The largest slope of a current. Within the rectangle of the fluxes and as far again beyond
-    its edges, a larger flux must mean a larger current."""
+def _extremes(straight: np.ndarray, u: _Spline) -> tuple[float, float, tuple[float, float]]:
+    """The slopes of a map: within the rectangle of the fluxes and as far again beyond its edges."""
     centre, half = (u.first_Wb + u.last_Wb) / 2, (u.last_Wb - u.first_Wb) / 2
     s = np.linspace(-2, 2, 8 * CELLS + 1)
     d, q = (axis.ravel() for axis in np.meshgrid(centre[0] + half[0] * s, centre[1] + half[1] * s))
     dd, dq, qq = u.per_H(np.array([d, q]))
     dd, qq = dd + straight[0], qq + straight[1]
-    root = np.hypot((dd - qq) / 2, dq)
-    worst = int(np.argmin((dd + qq) / 2 - root))
-    if (dd + qq)[worst] / 2 <= root[worst]:
-        raise InputError(
-            f"an incremental inductance is not above 0 at psi_d - psi_f = {d[worst]:.3g} Wb, "
-            f"psi_q = {q[worst]:.3g} Wb"
-        )
-    return float(((dd + qq) / 2 + root).max())
+    mean, root = (dd + qq) / 2, np.hypot((dd - qq) / 2, dq)
+    least = int(np.argmin(mean - root))
+    at = float(d[least]), float(q[least])
+    return float((mean + root).max()), float((mean - root)[least]), at

@@ -94,10 +94,9 @@ def _harmonics(p: Parameters) -> tuple[np.ndarray, np.ndarray]:
 
 def make(p: Parameters) -> np.record:
     kind, more, steepest = LINEAR, {"linear": 1}, 0.0
-    if p.flux_map:
-        found = flux_map.of(p.flux_map)
+    if found := p.flux_map:
         p = replace(p, psi_f_Wb=found.psi_f_Wb, ld_H=found.ld_H, lq_H=found.lq_H)
-        kind, more, steepest = SATURABLE, {**found.fields, "saturable": 1}, found.per_H
+        kind, more, steepest = SATURABLE, {**found.fields, "saturable": 1}, found.most_per_H
     rows = transform(p.displacement_deg)
     inverse = 3 * rows.T
     per_H = np.array([1 / p.ld_H, 1 / p.lq_H])
