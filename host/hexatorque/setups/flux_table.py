@@ -49,8 +49,8 @@ def refused(file: str, psi_f_Wb: float, trip_A: float) -> list[str]:
             f"is {low:.4g} .. {high:.4g} Wb, within {PSI_F_SHARE:.0%} of machine.psi_f_Wb"
         ]
     return [
-        f"machine.flux_map = {file!r}: {name} is {axis[0]:g} .. {axis[-1]:g}: needed is "
-        f"{-trip_A:g} .. {trip_A:g} and more, up to controller.i_ab_trip_A"
+        f"machine.flux_map = {file!r}: {name} is {axis[0]:g} .. {axis[-1]:g}: allowed is "
+        f"{-trip_A:g} .. {trip_A:g} A and more, which is controller.i_ab_trip_A"
         for name, axis in zip(COLUMNS, axes)
         if min(-axis[0], axis[-1]) < trip_A
     ][:1]
@@ -98,8 +98,9 @@ def _rows(text: str) -> dict[tuple[float, float], tuple[float, float]]:
     lines = [(n, line) for n, line in enumerate(text.split("\n"), 1)]
     lines = [(n, line) for n, line in lines if line.strip()[:1] not in ("", "#")]
     given = list(zip([n for n, _ in lines], csv.reader([line for _, line in lines])))
-    if not given or tuple(name.strip() for name in given[0][1]) != COLUMNS:
-        raise InputError(f"its first row must be {','.join(COLUMNS)}")
+    first = [name.strip() for name in given[0][1]] if given else []
+    if tuple(first) != COLUMNS:
+        raise InputError(f"its first row must be {','.join(COLUMNS)}, not {','.join(first)!r}")
     found: dict[tuple[float, float], tuple[float, float]] = {}
     for n, row in given[1:]:
         d, q, *psi = _numbers(n, row)
