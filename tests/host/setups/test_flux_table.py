@@ -68,7 +68,11 @@ def test_another_machines_or_a_short_table_is_refused_in_a_line(tmp_path):
             50.0,
             r"psi_d_Wb at no current = 0\.3: allowed is 0\.131 \.\. 0\.2182 Wb",
         ),
-        (Iron(), 30.0, r"id_A is -30 \.\. 30: allowed is -40\.8 \.\. 40\.8 A and more, .*i_ab_trip_A"),
+        (
+            Iron(),
+            30.0,
+            r"id_A is -30 \.\. 30: allowed is -40\.8 \.\. 40\.8 A and more, .*i_ab_trip_A",
+        ),
     ):
         file = written(tmp_path / "map.csv", made.rows(most_A, 17))
         with pytest.raises(SetupError, match=said) as error:
@@ -90,7 +94,9 @@ def grown(change, **of):
 
 ROWS = list(Iron().rows(40.0, 17))
 WRONG = {
-    "its first row must be id_A,iq_A,psi_d_Wb,psi_q_Wb, not 'id_A,iq_A,psi_d_mWb,": text(ROWS).replace("psi_d_Wb", "psi_d_mWb"),
+    "its first row must be id_A,iq_A,psi_d_Wb,psi_q_Wb, not 'id_A,iq_A,psi_d_mWb,": (
+        text(ROWS).replace("psi_d_Wb", "psi_d_mWb")
+    ),
     "line 4: four finite numbers": text([*ROWS[:2], ROWS[2][:3], *ROWS[3:]]),
     "line 8: four finite numbers are needed, not '-40.0,10.0,x,y'": "# two lines\n\n"
     + text(ROWS).replace(text(ROWS).split("\n")[5], "-40.0,10.0,x,y"),
