@@ -32,7 +32,8 @@ void ht_absolute_step(const ht_absolute_config *cfg, ht_absolute_state *st, uint
     bool valid = reading < cfg->readings;
     bool stands = way <= STANDS_COUNTS;
     float shown = valid ? (((float)reading + 0.5f) * cfg->counts_per_reading) : 0.0f;
-    uint32_t zero = position - (uint32_t)(int32_t)shown;
+    int32_t from_zero = (int32_t)shown;
+    uint32_t zero = position - (uint32_t)from_zero;
     int32_t off = ht_index_off_counts(cfg->counts_rev, zero - st->reference);
     int32_t most = (int32_t)cfg->near_counts + way;
     if (valid && st->seen && (off <= most) && (off >= -most)) {

@@ -13,11 +13,11 @@
 #include <stdint.h>
 
 typedef struct {
-    bool used;                /**< else nothing is looked at, and nothing else here is set */
-    uint32_t counts_rev;     /**< of the encoder that counts */
-    uint32_t readings;       /**< of the absolute one in a revolution; from here on none is valid */
+    bool used;           /**< else nothing is looked at, and nothing else here is set */
+    uint32_t counts_rev; /**< of the encoder that counts */
+    uint32_t readings;   /**< of the absolute one in a revolution; from here on none is valid */
     float counts_per_reading; /**< negative: it reads less when the other counts up */
-    uint32_t near_counts;    /**< largest distance of a reading from the counts at standstill */
+    uint32_t near_counts;     /**< largest distance of a reading from the counts at standstill */
 } ht_absolute_config;
 
 typedef struct {

@@ -218,6 +218,15 @@ static uint32_t zero_of(const ht_drive *d)
     return d->config->absolute.used ? d->absolute.reference : zero;
 }
 
+float ht_drive_zero_counts(const ht_drive *d)
+{
+    const ht_drive_config *c = ht_config_in_force(d);
+    bool known = (!c->index.used || d->index.known) && (!c->absolute.used || d->absolute.known);
+    uint32_t zero = zero_of(d);
+    uint32_t counts = ht_electrical(0u, (int32_t)zero, 1u, c->alignment.counts_rev);
+    return known ? (float)counts : -1.0f;
+}
+
 /* Angle of the d axis as the encoder's count since its zero tells it. */
 static uint32_t known_angle(const ht_drive *d)
 {

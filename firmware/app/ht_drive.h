@@ -239,6 +239,9 @@ float ht_drive_sink_degC(const ht_drive *d);
 /** Temperature of the power stage's hottest leg; the heat sink's without a model. */
 float ht_drive_device_degC(const ht_drive *d);
 
+/** Where the encoder's zero is, counts within a revolution; below 0: not known. */
+float ht_drive_zero_counts(const ht_drive *d);
+
 /** Telemetry channels (ht_channels.def). */
 typedef struct {
     const char *name;

@@ -36,7 +36,7 @@ enum {
     HT_CALL_TRIP_LEVELS = 16,    /**< low of each channel, high of each channel */
     HT_CALL_BEYOND = 17,         /**< answer, channels */
     HT_CALL_SHORT_CIRCUIT = 18,
-    HT_CALL_OUTPUTS = 19,  /**< which, on: HT_OUT_... */
+    HT_CALL_OUTPUTS = 19,   /**< which, on: HT_OUT_... */
     HT_CALL_READ_SLOW = 20, /**< channel, next, answer */
     HT_CALL_READ_ABSOLUTE = 21
 };
