@@ -23,18 +23,18 @@ class Shaft:
     """first: what the counter shows at the beginning; at: counts of the shaft at which the absolute
     encoder reads 0; way: 1, or -1 where it reads less when the counter counts up."""
 
-    def __init__(self, readings=1000, first=0, at=0, way=1):
+    def __init__(self, readings=1000, first=0, at=0, way=1, counts_rev=COUNTS_REV):
         self.config = ffi.new("ht_absolute_config *")
         self.config.used = True
-        lib.ht_absolute_configure(self.config, COUNTS_REV, readings, way < 0, POLE_PAIRS)
+        lib.ht_absolute_configure(self.config, counts_rev, readings, way < 0, POLE_PAIRS)
         self.state = ffi.new("ht_absolute_state *")
-        self.readings, self.at, self.way = readings, at, way
+        self.readings, self.at, self.way, self.counts_rev = readings, at, way, counts_rev
         self.shaft, self.counter, self.stuck, self.adds = 0, first, None, 0
 
     def reading(self):
         if self.stuck is not None:
             return self.stuck
-        turned = self.way * Fraction(self.shaft - self.at, COUNTS_REV)
+        turned = self.way * Fraction(self.shaft - self.at, self.counts_rev)
         return (floor(turned * self.readings) + self.adds) % self.readings
 
     def look(self, moved=0, reading=None):
@@ -47,8 +47,9 @@ class Shaft:
 
     def zero_off(self):
         """By how many counts the zero is wrong."""
-        off = self.state.reference - (self.counter - self.shaft + self.at)
-        return (off + COUNTS_REV // 2) % COUNTS_REV - COUNTS_REV // 2
+        shown = (self.counter - self.state.reference + 2**31) % 2**32 - 2**31
+        off = self.shaft - self.at - shown
+        return (off + self.counts_rev // 2) % self.counts_rev - self.counts_rev // 2
 
     def known(self):
         assert [self.look(), self.look()] == [False, True]
@@ -97,6 +98,15 @@ def test_a_slip_beyond_the_tolerance_is_found_by_the_third_look(readings, way):
         assert [shaft.look() for _ in range(3)] == [True, True, False]
         # Two readings that agree tell the zero of the counts as they are now.
         assert shaft.look() and abs(shaft.zero_off()) <= step
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_the_zero_goes_with_the_shaft_however_far_it_turns(way):
+    """Of 4000 counts no whole number of revolutions fits into the counter's 2^32."""
+    shaft = Shaft(1000, 0, 77, way, counts_rev=4000).known()
+    for moved in (10**9 + 1, 10**9, 7, -(10**9), 0, 10**9, 10**9, 10**9, 0):
+        assert shaft.look(moved)
+        assert abs(shaft.zero_off()) <= 4 / 2 + 1
 
 
 def test_within_the_tolerance_slips_add_up():
