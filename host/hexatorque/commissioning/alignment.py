@@ -5,8 +5,7 @@ turn beside alpha, so that one which stood exactly against it is pulled all the 
 From there the current's direction goes forwards by some electrical turns and back, in steps small
 enough for the shaft to follow. At some directions the encoder's count is read: the counts of an
 electrical turn tell the encoder's direction, its counts and the pole pairs. Where the count is 0
-the d axis has the angle `rotor_zero_deg`; where the encoder has an index or an absolute encoder beside
-it, that is the count of their zero.
+the d axis has the angle `rotor_zero_deg`, or where an index or an absolute encoder has its zero.
 
 Friction keeps the rotor behind on its way, on either side of the true angle, and drops out of the
 mean of both ways. Cogging, the pull of the teeth on the magnets, repeats itself several times in an

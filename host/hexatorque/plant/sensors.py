@@ -59,8 +59,8 @@ SENSORS = np.dtype(
             "index_counts",
             "i8",
         ),  # count of the index pulse, the same in each turn; -1: there is none
-        # Absolute encoder: readings in a revolution, 0: there is none; where it reads 0 and which way,
-        # revolutions; index in ABSOLUTE_FAULTS; its latest reading; where it goes (32 bits)
+        # Absolute encoder: readings in a revolution, 0: none; where it reads 0, in revolutions,
+        # and which way; index in ABSOLUTE_FAULTS; its latest reading; where it goes (32 bits)
         ("absolute_counts_rev", "f8"),
         ("absolute_rev", "f8"),
         ("absolute_sign", "f8"),
@@ -317,7 +317,7 @@ def _sample_slow(se, regs):
 
 @compiled
 def _read_absolute(se, angle_rad, regs):
-    """The absolute encoder's reading of a shaft at this angle. One that is stuck keeps the first."""
+    """The absolute encoder's reading at this angle of the shaft. If stuck, it keeps the first."""
     if se.absolute_fault != _STUCK or se.absolute < 0:
         turned = se.absolute_sign * (angle_rad / TWO_PI - se.absolute_rev)
         counts = np.int64(np.floor((turned - np.floor(turned)) * se.absolute_counts_rev))

@@ -219,12 +219,20 @@ KEYS: dict[str, dict[str, Key]] = {
             0.0,
         ),
         "absolute_counts_rev": Key(
-            "integer", "readings of an absolute encoder in a revolution, 0: there is none", "",
-            0, 1 << 24, default=0,
+            "integer",
+            "readings of an absolute encoder in a revolution, 0: there is none",
+            "",
+            0,
+            1 << 24,
+            default=0,
         ),
-        "absolute_deg": _n("where it reads 0: how far the shaft turns to it", "deg", -360, 360, 0.0),
+        "absolute_deg": _n(
+            "where it reads 0: how far the shaft turns to it", "deg", -360, 360, 0.0
+        ),
         "absolute_direction": Key(
-            "choice", "way of its readings while the shaft turns forwards", choices=("same", "reversed"),
+            "choice",
+            "way of its readings while the shaft turns forwards",
+            choices=("same", "reversed"),
             default="same",
         ),
         "absolute_fault": Key(

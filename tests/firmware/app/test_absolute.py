@@ -1,5 +1,5 @@
-"""The zero that an absolute encoder tells is compared with a shaft of whole counts and an encoder whose
-readings are exact fractions of a revolution.
+"""The zero that an absolute encoder tells is compared with a shaft of whole counts and an encoder
+whose readings are exact fractions of a revolution.
 """
 
 from fractions import Fraction
@@ -86,6 +86,16 @@ def test_readings_that_are_right_stay_so_at_every_speed(moves, readings, way, fi
         late = shaft.reading()
         assert shaft.look(moved, late if moved % 3 == 0 else None)
         assert abs(shaft.zero_off()) <= 1.5 * COUNTS_REV / readings + 1
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_coarse_reading_that_flickers_is_borne_at_standstill(way):
+    """A reading is 23 counts wide. The first is at one end of it, later ones are not."""
+    rng = np.random.default_rng(5)
+    shaft = Shaft(360, at=-22 * way, way=way).known()
+    for moved in rng.integers(-LINE, LINE, examples(2000), endpoint=True):
+        shaft.adds = int(rng.integers(2))
+        assert shaft.look(int(moved))
 
 
 @pytest.mark.parametrize("readings", [360, 1000, 2**20])

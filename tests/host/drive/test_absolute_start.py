@@ -1,5 +1,5 @@
-"""A start whose angle an absolute encoder tells: from every position, checked before torque, and ended
-where its readings and the counts part.
+"""A start whose angle an absolute encoder tells: from every position, checked before torque, and
+ended where its readings and the counts part.
 """
 
 import numpy as np
@@ -112,8 +112,8 @@ def test_a_wrong_angle_is_found_within_a_quarter_of_an_electrical_turn(wrong_deg
 @pytest.mark.parametrize("at_deg", POSITIONS[::3])
 @pytest.mark.parametrize("wrong", ["stuck", "reversed"])
 def test_a_stuck_or_reversed_reading_is_found_within_a_quarter_turn(wrong, at_deg, rpm):
-    """One that is stuck since the reset tells the right angle until then. The reversed one's is wrong,
-    but by chance: then within an electrical quarter, without torque."""
+    """One that is stuck since the reset tells the right angle until then. The reversed one's is
+    wrong, but by chance: then within an electrical quarter, without torque."""
     at_deg = at_deg - 360 if at_deg > 360 else at_deg
     if wrong == "stuck":
         drive = resting(at_deg, sensors__absolute_fault="stuck")
@@ -185,7 +185,8 @@ def test_check_and_firmware_refuse_an_encoder_that_is_not_there_or_too_coarse(tm
     file = tmp_path / "no.toml"
     for sensors, said in (("", "absolute_counts_rev = 0"), ("absolute_counts_rev = 359", "359")):
         file.write_text(
-            f'setup = "magnet-surface"\n[sensors]\n{sensors}\n[controller]\nrotor_start = "absolute"\n'
+            f'setup = "magnet-surface"\n[sensors]\n{sensors}\n'
+            '[controller]\nrotor_start = "absolute"\n'
         )
         assert main(["check", str(file)]) != 0
         told = "".join(capsys.readouterr())

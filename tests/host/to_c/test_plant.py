@@ -205,8 +205,16 @@ COURSES = {
         "one open": ("paper-b", {"sensors.encoder_wires": "one open"}, run_and_stop),
         "open wires": ("paper-b", {"sensors.encoder_wires": "open"}, run_and_stop),
         "absolute": ("paper-b", ABSOLUTE | {"sensors.absolute_fault": "flickers"}, run_and_stop),
-        "absolute, stuck": ("paper-b", ABSOLUTE | {"sensors.absolute_fault": "stuck"}, run_and_stop),
-        "absolute, silent": ("paper-b", ABSOLUTE | {"sensors.absolute_fault": "silent"}, run_and_stop),
+        "absolute, stuck": (
+            "paper-b",
+            ABSOLUTE | {"sensors.absolute_fault": "stuck"},
+            run_and_stop,
+        ),
+        "absolute, silent": (
+            "paper-b",
+            ABSOLUTE | {"sensors.absolute_fault": "silent"},
+            run_and_stop,
+        ),
         "fast": ("paper-b", BEARS, FAST),
         "fast, arc": ("paper-b", BEARS | ARC, FAST),
         "symmetrical": ("symmetrical", {}, run_and_stop),
