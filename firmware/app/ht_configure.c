@@ -403,7 +403,21 @@ static void configure_outputs(const float *v, ht_outputs_config *c)
     }
 }
 
-#define ROTOR_START_INDEX 2.0f /* rotor_start */
+/* How the angle is known that the alignment only checks. */
+static void configure_zero(const float *v, ht_drive_config *c)
+{
+    bool magnets = c->control.observer.magnets;
+    uint32_t counts_rev = c->alignment.counts_rev;
+    uint16_t pairs = c->alignment.pole_pairs;
+    c->index.used = magnets && (v[HT_P_rotor_start] == HT_ROTOR_START_INDEX);
+    c->index.counts_rev = counts_rev;
+    c->index.near_counts = ht_index_near_counts(counts_rev, pairs);
+    c->absolute.used = magnets && (v[HT_P_rotor_start] == HT_ROTOR_START_ABSOLUTE);
+    if (c->absolute.used) {
+        ht_absolute_configure(&c->absolute, counts_rev, v[HT_P_absolute_counts_rev],
+                              v[HT_P_absolute_direction] != 0.0f, pairs);
+    }
+}
 
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
@@ -414,9 +428,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->alignment.ticks = (uint32_t)ticks;
     c->alignment.counts_rev = (uint32_t)v[HT_P_encoder_counts_rev];
     c->alignment.pole_pairs = (uint16_t)v[HT_P_pole_pairs];
-    c->index.used = c->control.observer.magnets && (v[HT_P_rotor_start] == ROTOR_START_INDEX);
-    c->index.counts_rev = c->alignment.counts_rev;
-    c->index.near_counts = ht_index_near_counts(c->index.counts_rev, c->alignment.pole_pairs);
+    configure_zero(v, c);
     c->speed.kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
     c->speed.ki_ts_Nms_rad = v[HT_P_ki_speed_Nm_rad] / v[HT_P_f_slow_Hz];
     configure_motion(v, c);

@@ -4,6 +4,7 @@
 #ifndef HT_CONFIGURE_H
 #define HT_CONFIGURE_H
 
+#include "ht_absolute.h"
 #include "ht_alignment.h"
 #include "ht_index.h"
 #include "ht_control.h"
@@ -58,6 +59,7 @@ typedef struct {
     ht_outputs_config outputs;
     ht_ntc_config ntc[HT_SLOW_CHANNELS];
     ht_index_config index;
+    ht_absolute_config absolute;
     ht_flux_brake_config flux_brake;
 } ht_drive_config;
 
@@ -81,6 +83,10 @@ ht_range ht_param_range(const ht_port *port, uint16_t id);
 
 /** True if `value` is finite, in `ht_param_range` and, for choices, whole. */
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
+
+/** Values of the parameter `rotor_start`. */
+#define HT_ROTOR_START_INDEX 2.0f
+#define HT_ROTOR_START_ABSOLUTE 3.0f
 
 /** Values of the parameter `motion`. */
 enum { HT_MOTION_FOLLOW = 0, HT_MOTION_STOP = 1, HT_MOTION_QUICK_STOP = 2 };

@@ -218,13 +218,29 @@ static inline void protect_after(ht_drive *d)
     }
 }
 
-/* Angle of the d axis as the encoder's count tells it, or its count since the index, if that is known. */
+/* Position of the encoder's zero. */
+static uint32_t zero_of(const ht_drive *d)
+{
+    uint32_t zero = d->config->index.used ? d->index.reference : 0u;
+    return d->config->absolute.used ? d->absolute.reference : zero;
+}
+
+float ht_drive_zero_counts(const ht_drive *d)
+{
+    const ht_drive_config *c = ht_config_in_force(d);
+    bool known = (!c->index.used || d->index.known) && (!c->absolute.used || d->absolute.known);
+    uint32_t zero = zero_of(d);
+    uint32_t counts = ht_electrical(0u, (int32_t)zero, 1u, c->alignment.counts_rev);
+    return known ? (float)counts : -1.0f;
+}
+
+/* Angle of the d axis as the encoder's count since its zero tells it. */
 static uint32_t known_angle(const ht_drive *d)
 {
     const ht_alignment_config *c = &d->config->alignment;
     float deg = d->config->params.v[HT_P_rotor_zero_deg];
     float zero = ((deg < 0.0f) ? (deg + 360.0f) : deg) / 360.0f * (float)c->counts_rev;
-    uint32_t moved = d->samples.position - (d->config->index.used ? d->index.reference : 0u);
+    uint32_t moved = d->samples.position - zero_of(d);
     return ht_electrical((uint32_t)zero % c->counts_rev, (int32_t)moved, c->pole_pairs,
                          c->counts_rev);
 }
@@ -368,6 +384,9 @@ static void begin_flux(ht_drive *d)
 /* Diodes end the currents within this time after the gates went off: they work against the dc link. */
 #define CURRENTS_END_S 0.005f
 
+/* Slow interrupts until an absolute encoder that works is known, right after a reset. */
+#define ABSOLUTE_WAITS 4.0f
+
 static void calibrate(ht_drive *d)
 {
     /* The other ones are of the run before: the slow loop may not have come by since. */
@@ -395,6 +414,13 @@ static void calibrate(ht_drive *d)
         d->offset_sum[leg] += d->samples.adc[HT_ADC_I + leg];
     }
     if (d->state_ticks < d->calibration_ticks) {
+        return;
+    }
+    if (d->config->absolute.used && !d->absolute.known) {
+        const float *v = d->config->params.v;
+        if ((float)d->state_ticks * v[HT_P_f_slow_Hz] > ABSOLUTE_WAITS * v[HT_P_f_isr_Hz]) {
+            ht_drive_trip(d, HT_FAULT_ABSOLUTE);
+        }
         return;
     }
     for (leg = 0; leg < HT_LEGS; leg++) {

@@ -181,6 +181,7 @@ typedef struct {
         slow_channel; /**< whose reading comes next; HT_SLOW_CHANNELS: none was asked for yet */
     uint16_t sensors[HT_SLOW_CHANNELS]; /**< ht_ntc: what their latest readings say */
     ht_index_state index;               /**< the slow interrupt's; nothing but a reset forgets it */
+    ht_absolute_state absolute;         /**< the same */
     uint16_t torque_limited_by; /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
     ht_flux_brake_state flux_brake;
     ht_look look;       /**< of the fast interrupt for the slow one, which asks for it */
@@ -237,6 +238,9 @@ float ht_drive_sink_degC(const ht_drive *d);
 
 /** Temperature of the power stage's hottest leg; the heat sink's without a model. */
 float ht_drive_device_degC(const ht_drive *d);
+
+/** Where the encoder's zero is, counts within a revolution; below 0: not known. */
+float ht_drive_zero_counts(const ht_drive *d);
 
 /** Telemetry channels (ht_channels.def). */
 typedef struct {

@@ -78,6 +78,10 @@ static void measure_speed(ht_drive *d, const ht_drive_config *c)
     ht_port_read_capture(d->port, &capture);
     d->speed_rpm = ht_speed_measure_step(&c->measure, &d->measured, moved, &capture);
     ht_index_step(&c->index, &d->index, position, &capture);
+    if (c->absolute.used) {
+        ht_absolute_step(&c->absolute, &d->absolute, position, moved,
+                         ht_port_read_absolute(d->port));
+    }
 }
 
 /* The flux builds up: R_s is learnt, and the checks follow the flux. Returns the faults that are found. */
@@ -170,6 +174,9 @@ void ht_drive_slow_isr(ht_drive *d)
     lasting = d->heat_faults;
     if (c->index.used && !d->index.known) { /* it was at the start */
         lasting |= HT_FAULT_ENCODER;
+    }
+    if (c->absolute.used && !d->absolute.known) { /* the same */
+        lasting |= HT_FAULT_ABSOLUTE;
     }
     if (c->short_circuit.allowed) {
         ht_short_circuit_follow(&c->short_circuit, &d->short_circuit,

@@ -21,6 +21,7 @@ enum {
 #define HT_FAULT_SINK_OPEN 0x80000u
 #define HT_FAULT_SINK_SHORT 0x100000u
 #define HT_FAULT_DEVICE 0x200000u
+#define HT_FAULT_ABSOLUTE 0x400000u
 
 enum {
 #define HT_WARNING(name, bit, text, help) HT_WARNING_##name = (bit),

@@ -10,11 +10,9 @@ uint32_t ht_index_near_counts(uint32_t counts_rev, uint16_t pole_pairs)
     return LINE_COUNTS + counts_rev / (NEAR_PARTS * (uint32_t)pole_pairs);
 }
 
-/* How far an index is from a whole number of revolutions after the reference. */
-static int32_t off_counts(const ht_index_config *cfg, const ht_index_state *st, uint32_t position)
+int32_t ht_index_off_counts(uint32_t counts_rev, uint32_t moved)
 {
-    int32_t whole = (int32_t)cfg->counts_rev;
-    uint32_t moved = position - st->reference;
+    int32_t whole = (int32_t)counts_rev;
     int32_t off = (int32_t)moved % whole;
     if (off > (whole / 2)) {
         off -= whole;
@@ -29,7 +27,7 @@ static int32_t off_counts(const ht_index_config *cfg, const ht_index_state *st, 
 static void take(const ht_index_config *cfg, ht_index_state *st, uint32_t position)
 {
     int32_t most = (int32_t)cfg->near_counts;
-    int32_t off = st->seen ? off_counts(cfg, st, position) : 0;
+    int32_t off = st->seen ? ht_index_off_counts(cfg->counts_rev, position - st->reference) : 0;
     bool agrees = (off <= most) && (off >= -most);
     if (!agrees) {
         off = 0;

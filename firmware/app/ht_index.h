@@ -28,6 +28,9 @@ typedef struct {
  *  cost 0.4 % of the torque. */
 uint32_t ht_index_near_counts(uint32_t counts_rev, uint16_t pole_pairs);
 
+/** How far `moved` is from a whole number of revolutions. */
+int32_t ht_index_off_counts(uint32_t counts_rev, uint32_t moved);
+
 /** Look at what the capture unit shows, once in every slow period. The encoder counted `position` before
  *  that, less than an eighth of a revolution ago. */
 void ht_index_step(const ht_index_config *cfg, ht_index_state *st, uint32_t position,

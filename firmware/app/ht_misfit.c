@@ -1,5 +1,7 @@
 #include "ht_misfit.h"
 
+#include "ht_absolute.h"
+#include "ht_configure.h"
 #include "ht_lost_legs.h"
 #include "ht_magnet.h"
 #include "ht_ntc.h"
@@ -118,6 +120,10 @@ static bool magnets_fit(const float *v, uint16_t misfit)
         break;
     case HT_MISFIT_MAGNET_LEGS:
         result = v[HT_P_lost_legs] == 0.0f;
+        break;
+    case HT_MISFIT_ABSOLUTE:
+        result = (v[HT_P_rotor_start] != HT_ROTOR_START_ABSOLUTE)
+                 || (v[HT_P_absolute_counts_rev] >= ht_absolute_least(v[HT_P_pole_pairs]));
         break;
     case HT_MISFIT_XY_STEP:
     default:
@@ -368,6 +374,7 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_MAGNET_LEGS:
     case HT_MISFIT_XY_STEP:
     case HT_MISFIT_RIDE_SHORT:
+    case HT_MISFIT_ABSOLUTE:
         result = (v[HT_P_machine] == 0.0f) || magnets_fit(v, misfit);
         break;
     case HT_MISFIT_WINDING:

@@ -13,7 +13,7 @@
 #include "ht_pil_side.h"
 #include "ht_reader.h"
 
-#define HT_PIL_VERSION 11u
+#define HT_PIL_VERSION 12u
 
 /** Telemetry channels at most. */
 enum { HT_PIL_CHANNELS = 64 };

@@ -1,6 +1,6 @@
 #include "ht_pil_calls.h"
 
-/* Bits of the byte of flags. */
+/* Flags. */
 enum {
     EVENT = 0x01,
     OVERFLOW = 0x02,
@@ -9,7 +9,8 @@ enum {
     OVERRUN = 0x10,
     TRIP_PIN_LOW = 0x20,
     INTERRUPT_LOST = 0x40,
-    INDEX = 0x80
+    INDEX = 0x80,
+    ABSOLUTE = 0x100
 };
 
 void ht_pil_hardware_add(ht_packet *p, const ht_pil_hardware *hardware)
@@ -46,13 +47,14 @@ void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in)
     flags |= flag(in->trip_pin_low, TRIP_PIN_LOW);
     flags |= flag(in->interrupt_lost, INTERRUPT_LOST);
     flags |= flag(in->capture.index, INDEX);
+    flags |= flag(in->absolute != HT_NO_READING, ABSOLUTE);
     for (channel = 0u; channel < (uint16_t)HT_ADC_CHANNELS; channel++) {
         ht_packet_add16(p, in->samples.adc[channel]);
     }
     ht_packet_add32(p, in->samples.position);
     ht_packet_add16(p, in->capture.period_ticks);
     ht_packet_add16(p, in->capture.age_ticks);
-    ht_packet_add8(p, flags);
+    ht_packet_add16(p, flags);
     ht_packet_add8(p, in->tripped);
     ht_packet_add8(p, in->beyond);
     for (channel = 0u; channel < (uint16_t)HT_SLOW_CHANNELS; channel++) {
@@ -60,6 +62,9 @@ void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in)
     }
     if (in->capture.index) {
         ht_packet_add32(p, in->capture.index_position);
+    }
+    if (in->absolute != HT_NO_READING) {
+        ht_packet_add32(p, in->absolute);
     }
 }
 
@@ -73,7 +78,7 @@ void ht_pil_inputs_take(ht_reader *r, ht_pil_inputs *in)
     in->samples.position = ht_read32(r);
     in->capture.period_ticks = ht_read16(r);
     in->capture.age_ticks = ht_read16(r);
-    flags = ht_read8(r);
+    flags = ht_read16(r);
     in->tripped = ht_read8(r);
     in->beyond = ht_read8(r);
     for (channel = 0u; channel < (uint16_t)HT_SLOW_CHANNELS; channel++) {
@@ -81,6 +86,7 @@ void ht_pil_inputs_take(ht_reader *r, ht_pil_inputs *in)
     }
     in->capture.index = (flags & (uint16_t)INDEX) != 0u;
     in->capture.index_position = in->capture.index ? ht_read32(r) : 0u;
+    in->absolute = ((flags & (uint16_t)ABSOLUTE) != 0u) ? ht_read32(r) : HT_NO_READING;
     in->capture.event = (flags & (uint16_t)EVENT) != 0u;
     in->capture.overflow = (flags & (uint16_t)OVERFLOW) != 0u;
     in->capture.reversed = (flags & (uint16_t)REVERSED) != 0u;

@@ -36,8 +36,9 @@ enum {
     HT_CALL_TRIP_LEVELS = 16,    /**< low of each channel, high of each channel */
     HT_CALL_BEYOND = 17,         /**< answer, channels */
     HT_CALL_SHORT_CIRCUIT = 18,
-    HT_CALL_OUTPUTS = 19,  /**< which, on: HT_OUT_... */
-    HT_CALL_READ_SLOW = 20 /**< channel, next, answer */
+    HT_CALL_OUTPUTS = 19,   /**< which, on: HT_OUT_... */
+    HT_CALL_READ_SLOW = 20, /**< channel, next, answer */
+    HT_CALL_READ_ABSOLUTE = 21
 };
 
 /** The hardware's fixed properties. They come with INIT. */
@@ -63,6 +64,7 @@ typedef struct {
     bool interrupt_lost;
     uint16_t beyond;                 /**< channels whose comparators have tripped */
     uint16_t slow[HT_SLOW_CHANNELS]; /**< readings; of one whose turn it is not: of the other */
+    uint32_t absolute;               /**< reading, HT_NO_READING: none */
 } ht_pil_inputs;
 
 void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in);

@@ -13,8 +13,8 @@
  *    `ht_port_ack_fast` from the fast interrupt only (`ht_port_read` from the set-up as well, and from the slow interrupt when no fast one comes any
  *    more). None blocks; each takes a fixed number of
  *    register accesses.
- *  - `ht_port_read_capture` and `ht_port_read_slow` from the slow interrupt only, which the fast one may
- *    interrupt. The former clears the flags that it reports.
+ *  - `ht_port_read_capture`, `ht_port_read_slow` and `ht_port_read_absolute` from the slow interrupt only, which
+ *    the fast one may interrupt. The former clears the flags that it reports.
  *  - `ht_port_gates_off` also from anywhere else: it is two register writes
  *    per leg and is idempotent.
  *  - `ht_port_trip_levels` from the fast interrupt, and from the set-up with all gates off.
@@ -99,6 +99,13 @@ float ht_port_capture_clock_Hz(const ht_port *port);
 
 /** The capture unit's present values, and its events since the last call. */
 void ht_port_read_capture(ht_port *port, ht_capture *capture);
+
+/** No reading: there is no absolute encoder, or it has not answered. */
+#define HT_NO_READING 0xFFFFFFFFu
+
+/** Reading of an absolute encoder on the shaft, counts within a revolution, no older than a slow period.
+ *  Waits for no answer. */
+uint32_t ht_port_read_absolute(ht_port *port);
 
 /** Hand one period's pattern to the PWM. Harmless while the gates are off. */
 void ht_port_write(ht_port *port, const ht_compare *pattern);

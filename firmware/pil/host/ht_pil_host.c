@@ -236,6 +236,7 @@ static void look(ht_link *l, ht_pil_inputs *in)
         in->slow[leg] =
             (uint16_t)(*ht_regfile_word(&l->registers, result) >> l->port.map->adc_shift);
     }
+    in->absolute = ht_port_read_absolute(&l->port);
     in->overrun = false; /* no conversion ends during an interrupt here */
     in->interrupt_lost = ht_port_interrupt_lost(&l->port);
     *status = flags;
@@ -340,6 +341,8 @@ static bool make_call(ht_link *l, ht_reader *r)
         which = ht_read16(r);
         return (leg < (uint16_t)HT_SLOW_CHANNELS) && (which < (uint16_t)HT_SLOW_CHANNELS)
                && (ht_port_read_slow(&l->port, leg, which) == ht_read16(r));
+    case HT_CALL_READ_ABSOLUTE:
+        return true;
     case HT_CALL_COUNTS:
         return ht_port_counts(&l->port) == ht_read16(r);
     case HT_CALL_OVERRUN:

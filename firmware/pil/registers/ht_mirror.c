@@ -43,6 +43,8 @@ uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
     }
     out[n++] = m->gpio_data; /* of port A, where the trip pin is */
     out[n++] = m->gpio_data + 1u;
+    out[n++] = (uint32_t)HT_REGFILE_ABSOLUTE;
+    out[n++] = (uint32_t)HT_REGFILE_ABSOLUTE + 1u;
     out[n++] = m->adc_flag;
     if (m->adc_clear != m->adc_flag) {
         out[n++] = m->adc_clear;

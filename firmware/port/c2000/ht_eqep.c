@@ -76,3 +76,8 @@ void ht_port_read_capture(ht_port *port, ht_capture *capture)
         capture->index_position = HT_RD32(port->io, eqep + QPOSILAT);
     }
 }
+
+uint32_t ht_port_read_absolute(ht_port *port)
+{
+    return HT_ABSOLUTE(port->io);
+}

@@ -12,6 +12,7 @@
  *  HT_VECTOR     enter an interrupt function into a vector
  *  HT_CALL       call a function of TI's in ROM or OTP; HT_CALL16 with argument and result
  *  HT_DEVICE_CAL call TI's Device_cal, which does not keep the registers that C expects
+ *  HT_ABSOLUTE   reading of an absolute encoder, HT_NO_READING: none
  *  HT_IDLE       one turn of the background loop is over
  */
 #ifndef HT_REG_H

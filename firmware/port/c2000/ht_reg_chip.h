@@ -80,6 +80,8 @@ static inline uint16_t ht_call16(ht_io *io, uint32_t addr, uint16_t argument)
 #define HT_IFR_CLEAR(io) (IFR = 0u)
 #define HT_IER_WRITE(io, mask) (IER = (mask))
 #define HT_IER_SET(io, mask) (IER |= (mask))
+/** The boards have none. With one the call of a function that reads it belongs here. */
+#define HT_ABSOLUTE(io) ((void)(io), HT_NO_READING)
 #define HT_IDLE(io) __asm(" NOP")
 
 #endif

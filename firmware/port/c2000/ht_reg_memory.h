@@ -62,6 +62,7 @@ static inline void ht_wr32(ht_io *io, uint32_t addr, uint32_t value)
 #define HT_IFR_CLEAR(io) ((void)(io))
 #define HT_IER_WRITE(io, mask) ((void)(io), (void)(mask))
 #define HT_IER_SET(io, mask) ((void)(io), (void)(mask))
+#define HT_ABSOLUTE(io) ((void)(io), HT_NO_READING)
 #define HT_IDLE(io) ((void)(io))
 
 #endif

@@ -29,6 +29,7 @@ typedef HT_INTERRUPT void (*ht_isr)(void);
 #define HT_IFR_CLEAR(io) ht_regfile_ifr_clear(io)
 #define HT_IER_WRITE(io, mask) ht_regfile_ier((io), (mask))
 #define HT_IER_SET(io, mask) ht_regfile_ier((io), (uint16_t)((io)->ier | (mask)))
+#define HT_ABSOLUTE(io) ht_regfile_absolute(io)
 #define HT_IDLE(io) ht_regfile_idle(io)
 
 #endif

@@ -50,6 +50,12 @@ uint16_t *ht_regfile_word(ht_regfile *rf, uint32_t addr)
     return (at == NOWHERE) ? 0 : &rf->word[at];
 }
 
+uint32_t ht_regfile_absolute(const ht_regfile *rf)
+{
+    const uint16_t *w = &rf->word[HT_REGFILE_ABSOLUTE];
+    return (w[0] | ((uint32_t)w[1] << 16)) - 1u;
+}
+
 static const ht_bound *bound_at(const ht_regfile *rf, uint32_t addr)
 {
     uint32_t at = place(addr);

@@ -32,6 +32,9 @@
 #define HT_REGFILE_ISRS 8
 #define HT_REGFILE_FIFO 16
 #define HT_REGFILE_LINE 64
+/** Not the chip's: a plant's absolute encoder, its reading plus 1 (32 bits), 0 without one. The words are
+ *  RAM there, of which the model has no register. */
+enum { HT_REGFILE_ABSOLUTE = 0x0400 };
 #define HT_REGFILE_DEVICE_CAL 0x070282u /* TI's Device_cal, F28377S */
 
 /** Kinds of violation. */
@@ -162,6 +165,8 @@ void ht_regfile_intm(ht_regfile *rf, uint16_t masked);
 void ht_regfile_ier(ht_regfile *rf, uint16_t mask);
 void ht_regfile_ifr_clear(ht_regfile *rf);
 void ht_regfile_idle(ht_regfile *rf);
+/** The plant's absolute encoder; 0xFFFFFFFF: none. */
+uint32_t ht_regfile_absolute(const ht_regfile *rf);
 
 /* The hardware's side */
 

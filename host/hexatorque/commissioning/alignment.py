@@ -5,7 +5,7 @@ turn beside alpha, so that one which stood exactly against it is pulled all the 
 From there the current's direction goes forwards by some electrical turns and back, in steps small
 enough for the shaft to follow. At some directions the encoder's count is read: the counts of an
 electrical turn tell the encoder's direction, its counts and the pole pairs. Where the count is 0
-the d axis has the angle `rotor_zero_deg`.
+the d axis has the angle `rotor_zero_deg`, or where an index or an absolute encoder has its zero.
 
 Friction keeps the rotor behind on its way, on either side of the true angle, and drops out of the
 mean of both ways. Cogging, the pull of the teeth on the magnets, repeats itself several times in an
@@ -17,7 +17,7 @@ phases differ.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -54,7 +54,8 @@ NOTHING = Value(0.0, 0.0)
 class Alignment:
     mistakes: tuple[str, ...]
     ratio: float  #: counts of an electrical turn over those by the parameters
-    zero_deg: Value = NOTHING  #: angle of the d axis where the encoder counts 0
+    zero_deg: Value = NOTHING  #: angle of the d axis where the encoder has its zero
+    zero_known: bool = True  #: else that is where it counts 0
     friction_deg: float = 0.0  #: the rotor stays so far behind
     #: (n, 2): electrical angles in degrees: the current's, and the encoder's from the first one on.
     readings: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
@@ -84,7 +85,18 @@ def measure(
         at_deg = to_deg
     hold.turn(at_deg, 0.0)
     test.rest(0.05)
-    return solve(np.array(readings), pairs, counts_rev)
+    found = solve(np.array(readings), pairs, counts_rev)
+    absolute = drive.get("rotor_start") == "absolute"
+    step_deg = 360 * pairs / float(drive.get("absolute_counts_rev")) if absolute else 0.0
+    return from_zero(found, 360 * pairs / counts_rev, test.zero_counts(), step_deg)
+
+
+def from_zero(found: Alignment, count_deg: float, zero: float, step_deg: float) -> Alignment:
+    """The same with the angle at the encoder's zero, which is at this count; below 0: not known.
+    step_deg: electrical degrees of a reading that told it."""
+    at_deg = found.zero_deg.value + count_deg * max(zero, 0.0)
+    here = Value((at_deg + 180) % 360 - 180, found.zero_deg.uncertainty).plus(0.5 * step_deg)
+    return replace(found, zero_deg=here, zero_known=zero >= 0)
 
 
 def natural_rad_s(test: Excitation, current_A: float) -> float:

@@ -200,6 +200,10 @@ class Excitation:
     def vdc_V(self) -> float:
         return float(self.drive.capture(("vdc_V",), 64, timeout_s=5)["vdc_V"].mean())
 
+    def zero_counts(self) -> float:
+        """Where the encoder's zero is; below 0: not known."""
+        return float(self.drive.capture(("zero_counts",), 2, timeout_s=5)["zero_counts"][-1])
+
     def noise_A(self) -> float:
         """Noise of the current sensors, rms, without voltage."""
         found = self.drive.capture(CURRENTS, 500, timeout_s=5)

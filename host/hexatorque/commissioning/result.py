@@ -66,7 +66,7 @@ class Findings:
 
     def _magnets(self, drive: DriveVerbs) -> dict[str, Value]:
         found: dict[str, Value] = {}
-        if self.alignment and drive.get("rotor_start") == "known":
+        if self.alignment and self.alignment.zero_known and drive.get("rotor_start") != "align":
             found["rotor_zero_deg"] = self.alignment.zero_deg
         if self.salient:
             ld, lq = self.salient.usable()

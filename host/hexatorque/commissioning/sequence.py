@@ -168,7 +168,7 @@ def _magnet(drive: DriveVerbs, limits: Limits, found: Findings, course: Course) 
         found.mistakes += answer.mistakes
         if not answer.mistakes:
             report(
-                f"encoder: direction and counts are right; it counts 0 at {answer.zero_deg:degrees}"
+                f"encoder: direction and counts are right; its zero is at {answer.zero_deg:degrees}"
                 f"; friction leaves {abs(answer.friction_deg):.2g} degrees"
             )
         course.end("alignment", found)

@@ -132,6 +132,7 @@ def sensors(setup: Setup, controller: firmware.Controller, period_s: float) -> n
         controller.map,
         list(controller.port.board.slow_channel),
         int(controller.port.eqep),
+        int(firmware.lib.HT_REGFILE_ABSOLUTE),
         firmware.lib.HT_ADC_FULL,
         firmware.lib.HT_ADC_MID,
         period_s,

@@ -200,10 +200,11 @@ def write(
     """Write the FMU of a set-up. of: its kind (`variables.KINDS`); version: of FMI, 2 or 3;
     only_here: without binaries for other systems; progress: called with the name of each system.
     Returns what systems it has binaries for."""
-    if of == "controller" and setup["controller.rotor_start"] == "index":
+    start = setup["controller.rotor_start"]
+    if of == "controller" and start in ("index", "absolute"):
         raise SetupError(
-            "fmu: controller.rotor_start = index: the encoder of a controller FMU has no index "
-            "pulse: choose align or known, or --kind drive"
+            f"fmu: controller.rotor_start = {start}: a controller FMU has no index pulse and no "
+            "absolute encoder: choose align or known, or --kind drive"
         )
     # The firmware says what it refuses, before anything is compiled.
     made = firmware.Controller(setup["timing.device"], parameters(setup))

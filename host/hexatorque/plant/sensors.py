@@ -16,12 +16,14 @@ from .compiled import compiled
 from .elementary import cos, exp, expm1, log
 from .machine import phase_current
 from .record import record
-from .wires import ENCODER_WIRES
+from .wires import ABSOLUTE_FAULTS, ENCODER_WIRES
 
 TWO_PI = 2.0 * np.pi
 
 #: Indices in ENCODER_WIRES.
 _STRAIGHT, _SWAPPED, _ONE_OPEN, _OPEN = range(4)
+#: Indices in ABSOLUTE_FAULTS.
+_NO_FAULT, _STUCK, _SILENT, _FLICKERS = range(4)
 
 #: Transfer of each channel to 12-bit counts, and where the counts go.
 SENSORS = np.dtype(
@@ -57,6 +59,14 @@ SENSORS = np.dtype(
             "index_counts",
             "i8",
         ),  # count of the index pulse, the same in each turn; -1: there is none
+        # Absolute encoder: readings in a revolution, 0: none; where it reads 0, in revolutions,
+        # and which way; index in ABSOLUTE_FAULTS; its latest reading; where it goes (32 bits)
+        ("absolute_counts_rev", "f8"),
+        ("absolute_rev", "f8"),
+        ("absolute_sign", "f8"),
+        ("absolute_fault", "i8"),
+        ("absolute", "i8"),
+        ("absolute_word", "i8"),
         ("eqep", "i8"),  # word address of eQEP1
         ("system_clocks", "f8"),  # SYSCLKOUT cycles from sample to sample
         # State of the encoder interface
@@ -74,12 +84,14 @@ def sensors_record(
     chip: Any,
     slow_channel: Sequence[int],
     eqep: int,
+    absolute_word: int,
     full: int,
     middle: int,
     period_s: float,
 ) -> np.record:
     """value: the value of a key of the set-up's section [sensors]; chip: the map of its registers;
     slow_channel: the converter's inputs of the thermistors; eqep: word address of the encoder's;
+    absolute_word: where the absolute encoder's reading goes;
     full, middle: counts of the converter's range and of no current; period_s: from sample to
     sample."""
     per_A = full / (2 * value("i_full_A"))
@@ -113,6 +125,12 @@ def sensors_record(
         index_counts=round(value("encoder_index_deg") / 90 * value("encoder_ppr"))
         if value("encoder_index_deg") > 0
         else -1,
+        absolute_counts_rev=float(value("absolute_counts_rev")),
+        absolute_rev=value("absolute_deg") / 360,
+        absolute_sign=-1.0 if value("absolute_direction") == "reversed" else 1.0,
+        absolute_fault=ABSOLUTE_FAULTS.index(value("absolute_fault")),
+        absolute=-1,
+        absolute_word=absolute_word,
         eqep=eqep,
         system_clocks=period_s * float(chip.system_clock_Hz),
         position_counts=0.0,
@@ -298,6 +316,20 @@ def _sample_slow(se, regs):
 
 
 @compiled
+def _read_absolute(se, angle_rad, regs):
+    """The absolute encoder's reading at this angle of the shaft. If stuck, it keeps the first."""
+    if se.absolute_fault != _STUCK or se.absolute < 0:
+        turned = se.absolute_sign * (angle_rad / TWO_PI - se.absolute_rev)
+        counts = np.int64(np.floor((turned - np.floor(turned)) * se.absolute_counts_rev))
+        if se.absolute_fault == _FLICKERS:
+            counts += np.int64(_uniform(se) < 0.5)
+        se.absolute = counts % np.int64(se.absolute_counts_rev)
+    told = np.int64(0) if se.absolute_fault == _SILENT else se.absolute + 1
+    regs[se.absolute_word] = np.uint16(told & 0xFFFF)
+    regs[se.absolute_word + 1] = np.uint16(told >> 16)
+
+
+@compiled
 def sample(se, m, y, vdc, regs):
     """Convert the present state into the result registers and raise the flag that the
     fast interrupt acknowledges."""
@@ -315,6 +347,8 @@ def sample(se, m, y, vdc, regs):
     if se.slow != 0:
         _sample_slow(se, regs)
     regs[se.adc_flag] |= np.uint16(se.adc_flag_bit)
+    if se.absolute_counts_rev > 0.0:
+        _read_absolute(se, y[7], regs)
     turned = y[7] / TWO_PI * se.encoder_counts_rev
     if se.encoder_wires != _STRAIGHT:
         turned = _wrong_wires(se, turned)

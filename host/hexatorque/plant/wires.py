@@ -8,3 +8,7 @@ STRAIGHT = (0, 1, 2, 3, 4, 5)
 
 #: How the encoder may be connected. With one channel open the counter goes back and forth.
 ENCODER_WIRES = ("straight", "swapped", "one open", "open")
+
+#: What an absolute encoder may do instead of telling the angle: keep its first reading, give none,
+#: or now and then the next one.
+ABSOLUTE_FAULTS = ("none", "stuck", "silent", "flickers")

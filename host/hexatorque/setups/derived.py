@@ -257,6 +257,10 @@ THERMISTORS = (
 )  # fmt: skip
 
 
+#: Of the absolute encoder, what the drive must be told.
+ABSOLUTE = ("absolute_counts_rev", "absolute_direction")
+
+
 def _of_sensors(name: str) -> Rule:
     return Rule("the sensors'", lambda k: k.setup[f"sensors.{name}"])
 
@@ -286,7 +290,7 @@ ALWAYS: dict[str, Rule] = {
     "dead_time_us": Rule("the inverter's", lambda k: k.setup["inverter.dead_time_us"]),
     "i_full_A": Rule("the sensors'", lambda k: k.setup["sensors.i_full_A"]),
     "vdc_full_V": Rule("the sensors'", lambda k: k.setup["sensors.vdc_full_V"]),
-    **{name: _of_sensors(name) for name in THERMISTORS},
+    **{name: _of_sensors(name) for name in (*THERMISTORS, *ABSOLUTE)},
     "link_F": Rule("the dc link's", lambda k: k.setup["inverter.link_F"]),
     "winding_K_W": Rule("of [heat]", lambda k: k.setup["heat.winding_K_W"]),
     "winding_s": Rule(

@@ -13,7 +13,7 @@ from typing import Any
 from ..chips import DEVICES
 from ..plant.load_kinds import LOADS
 from ..plant.machines import DISPLACEMENTS_DEG, MODELS, constants_of
-from ..plant.wires import ENCODER_WIRES
+from ..plant.wires import ABSOLUTE_FAULTS, ENCODER_WIRES
 
 #: Where a value comes from.
 TAGS = ("paper", "assumed", "estimated", "measured", "tuned")
@@ -223,6 +223,26 @@ KEYS: dict[str, dict[str, Key]] = {
             0,
             360,
             0.0,
+        ),
+        "absolute_counts_rev": Key(
+            "integer",
+            "readings of an absolute encoder in a revolution, 0: there is none",
+            "",
+            0,
+            1 << 24,
+            default=0,
+        ),
+        "absolute_deg": _n(
+            "where it reads 0: how far the shaft turns to it", "deg", -360, 360, 0.0
+        ),
+        "absolute_direction": Key(
+            "choice",
+            "way of its readings while the shaft turns forwards",
+            choices=("same", "reversed"),
+            default="same",
+        ),
+        "absolute_fault": Key(
+            "choice", "what it does wrong", choices=ABSOLUTE_FAULTS, default="none"
         ),
         "encoder_wires": Key(
             "choice", "how the encoder is connected", choices=ENCODER_WIRES, default="straight"

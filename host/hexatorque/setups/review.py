@@ -674,6 +674,12 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
         "L_d over L_q", m.ld_H / m.lq_H, 1.0, "",
         "the d axis is the magnets' north pole: are machine.ld_H and machine.lq_H exchanged?",
     )  # fmt: skip
+    if p("rotor_start") == "absolute" and d.setup["sensors.absolute_counts_rev"] == 0:
+        yield Finding(
+            "no absolute encoder", 0.0, "", 0.0, "", "bad",
+            "controller.rotor_start = absolute needs one: sensors.absolute_counts_rev must be "
+            f"{72 * d.setup['machine.pole_pairs']:g} at least, 72 pole pairs",
+        )  # fmt: skip
     if p("rotor_start") == "index" and d.setup["sensors.encoder_index_deg"] == 0:
         yield Finding(
             "encoder without an index", 0.0, "", 0.0, "", "bad",

@@ -206,6 +206,8 @@ NOT_ON_A_BOARD = {
         "noise_seed",
         "encoder_error_cycles",
         "encoder_index_deg",
+        "absolute_deg",
+        "absolute_fault",
         "encoder_wires",
     ),
     "timing": ("device",),

@@ -175,6 +175,16 @@ def test_reading_the_capture_unit(board, bit):
     assert board.rf.violations == 0
 
 
+def test_an_absolute_encoder_is_read_where_the_plant_has_one(board):
+    board.init()
+    assert lib.ht_port_read_absolute(board.port) == 0xFFFFFFFF
+    for reading in (0, 1, 0x12345678 - 1, 2**24 - 1):
+        told = reading + 1
+        board.rf.word[0x400], board.rf.word[0x401] = told & 0xFFFF, told >> 16
+        assert lib.ht_port_read_absolute(board.port) == reading
+    assert board.rf.violations == 0
+
+
 def test_reading_the_index_latch(board):
     """It is reported once."""
     board.init()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hexatorque import firmware
+from hexatorque import firmware, setups
 from hexatorque.boards import emulator_process, tools
 from hexatorque.boards.processor import TargetError
 from hexatorque.drive.simulated import SimulatedDrive
@@ -66,6 +66,17 @@ def test_thermistors_and_chopper_equal_the_drive_itself(quick, target, device):
     outcome = pil.compare(setup, brakes, target)
     assert outcome.failures() == []
     assert (outcome.steps, outcome.state) == (6000, "run")
+
+
+@pytest.mark.parametrize("fault", ["flickers", "silent"])
+def test_an_absolute_encoder_equals_the_drive_itself(target, fault):
+    setup = setups.load("magnet-surface").changed(
+        controller__rotor_start="absolute", sensors__absolute_counts_rev=70000,
+        sensors__absolute_fault=fault,
+    )  # fmt: skip
+    outcome = pil.compare(setup, PROFILE, target)
+    assert outcome.failures() == []
+    assert outcome.state == ("fault" if fault == "silent" else "run")
 
 
 def test_commands_trip_and_clear(quick, target):

@@ -299,6 +299,27 @@ def test_a_wrong_encoder_is_named(changes, words):
     assert sim.state == "idle" and sim.get("rotor_zero_deg") == before
 
 
+@pytest.mark.parametrize("direction", ["same", "reversed"])
+def test_the_angle_at_the_absolute_encoders_zero_is_measured(direction):
+    sim = drawn(
+        "magnet-24v", 5, sensors__absolute_counts_rev=4096, sensors__absolute_deg=77.0,
+        sensors__absolute_direction=direction, controller__rotor_start="absolute",
+    )  # fmt: skip
+    found = commissioned(sim, ("alignment",))
+    assert found.mistakes == []
+    zero = found.parameters(sim)["rotor_zero_deg"]
+    true_deg = sim.machine.start_deg + sim.machine.pole_pairs * 77.0
+    assert abs((zero.value - true_deg + 180) % 360 - 180) <= zero.uncertainty < 2.0
+
+
+def test_an_index_that_has_not_passed_teaches_no_angle():
+    found = alignment.Alignment((), 1.0, alignment.Value(100.0, 0.3))
+    there = alignment.from_zero(found, 0.5, 300.0, 0.8)
+    assert there.zero_known and there.zero_deg.value == pytest.approx(100 + 150 - 360)
+    assert there.zero_deg.uncertainty == pytest.approx(0.5)
+    assert not alignment.from_zero(found, 0.5, -1.0, 0.0).zero_known
+
+
 @pytest.mark.skipif(not SHARE, reason="a commissioning up to the inductances: HT_WHOLE runs it")
 def test_a_rotor_that_is_salient_the_other_way_is_measured_and_refused():
     sim = drawn("magnet-surface", 5, machine__lq_H=1.7e-3)

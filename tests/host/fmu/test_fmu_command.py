@@ -61,7 +61,19 @@ def test_the_pages_commands_work(folder, capsys):
         (["/proc/none/a.fmu"], r"/proc/none/a\.fmu: .*"),
         (
             ["a.fmu", "--setup", "magnet-surface", "--set", "controller.rotor_start=index"],
-            r"fmu: controller\.rotor_start = index: .* no index pulse: choose align or known, .*",
+            r"fmu: controller\.rotor_start = index: .* no index pulse and .*: choose align or .*",
+        ),
+        (
+            [
+                "a.fmu",
+                "--setup",
+                "magnet-surface",
+                "--set",
+                "controller.rotor_start=absolute",
+                "--set",
+                "sensors.absolute_counts_rev=1024",
+            ],
+            r"fmu: controller\.rotor_start = absolute: .* no absolute encoder: choose align .*",
         ),
     ],
 )

@@ -57,6 +57,12 @@ PRECHARGE = LINE | {
 }
 DIRECT = {"inverter.line_Hz": 0.0, "inverter.source_H": 0.0}
 
+ABSOLUTE = {
+    "sensors.absolute_counts_rev": 1000,
+    "sensors.absolute_deg": 33.0,
+    "sensors.absolute_direction": "reversed",
+}
+
 #: A chopper that the drive switches.
 OUTPUT = {
     "inverter.chopper_ohm": 40.0,
@@ -214,6 +220,17 @@ COURSES = {
         "swapped": ("paper-b", {"sensors.encoder_wires": "swapped"}, run_and_stop),
         "one open": ("paper-b", {"sensors.encoder_wires": "one open"}, run_and_stop),
         "open wires": ("paper-b", {"sensors.encoder_wires": "open"}, run_and_stop),
+        "absolute": ("paper-b", ABSOLUTE | {"sensors.absolute_fault": "flickers"}, run_and_stop),
+        "absolute, stuck": (
+            "paper-b",
+            ABSOLUTE | {"sensors.absolute_fault": "stuck"},
+            run_and_stop,
+        ),
+        "absolute, silent": (
+            "paper-b",
+            ABSOLUTE | {"sensors.absolute_fault": "silent"},
+            run_and_stop,
+        ),
         "fast": ("paper-b", BEARS, FAST),
         "fast, arc": ("paper-b", BEARS | ARC, FAST),
         "symmetrical": ("symmetrical", {}, run_and_stop),
