@@ -6,10 +6,18 @@ This module imports nothing but Python's own modules, as `induction_parameters` 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from .differing import L_XY, R_S, Differing
 
 #: Orders of the harmonics that the magnets' flux may have besides the fundamental.
 ORDERS = (5, 7, 11, 13)
+#: The electrical angle after an alignment is known so well: a swing ends, an encoder counts.
+ALIGNED_DEG = 0.5
+#: A shaft that is held needs no longer to be aligned.
+HELD_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -36,6 +44,34 @@ class Parameters:
     start_deg: float = 0.0  #: electrical angle of the d axis at the beginning
     leads: tuple[int, ...] = (1, 2, 3, 4, 5, 6)  #: phase on each leg, 1 is u1
     displacement_deg: float = 30.0  #: of set 2 from set 1, electrical
+
+    #: For a comparison with a bench: what may be wrong, and what the kind's own quantities tell.
+    MAY_DIFFER: ClassVar[tuple[Differing, ...]] = (
+        R_S,
+        Differing("psi_f", ("psi_f_Wb",), 0.1),
+        Differing("L_d", ("ld_H",), 0.2),
+        Differing("L_q", ("lq_H",), 0.2),
+        L_XY,
+        Differing("encoder's angle", ("start_deg",), 5.0, -60.0, 60.0, "deg", unknown=ALIGNED_DEG),
+        *(
+            Differing(f"EMF harmonic {order}", ("emf_share",), 0.02, -0.3, 0.3, "", place)
+            for place, order in enumerate(ORDERS[:2])
+        ),
+    )
+    TELLS: ClassVar[dict[str, str]] = {
+        "current amplitude": "load, psi_f, probes",
+        "current along the flux": "psi_f, L_q, encoder's angle",
+        "psi_f in use": "psi_f",
+        "current ripple": "L_d, L_q",
+        "torque ripple": "L_q",
+    }
+
+    def known_start(self, controller: Mapping[str, Any]) -> dict[str, Any]:
+        """The controller's parameters with which a simulated start needs no shaft that moves: the
+        drive knows the angle that it would find by alignment or an index."""
+        if controller.get("rotor_start") == "known":
+            return {}
+        return {"rotor_start": "known", "rotor_zero_deg": self.start_deg, "build_s": HELD_S}
 
     @property
     def phase_of_leg(self) -> list[int]:
