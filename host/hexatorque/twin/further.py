@@ -38,11 +38,10 @@ def proposed(setup: Setup, explanations: Sequence[Changes], follow: Follow) -> t
         try:
             recording, loads = _recorded(setup, explanations[0], course)
             seen = bench.make(recording, text, setup)
-            own, *others = follow(seen, loads, explanations)
+            own, again, *others = follow(seen, loads, [explanations[0], *explanations])
         except (HexatorqueError, DriveFault, ArithmeticError):
             continue  # the drive trips there
-        # Two simulations differ by their noises, too.
-        noise = 2.0 * len(own)
+        noise = float(np.square(again - own).sum())
         apart = min(float(np.square(other - own).sum()) - noise for other in others)
         if apart > most:
             best, most = text, apart

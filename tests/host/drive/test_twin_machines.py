@@ -160,8 +160,12 @@ def test_the_recording_that_tells_most_is_proposed():
     def follow(one, loads, explanations):
         asked.append(loads)
         size = 200
-        own = rng.normal(size=size)
-        return [own, *(rng.normal(size=size) + far / np.sqrt(size) for far in apart[one.label])]
+        own, again = rng.normal(size=(2, size))
+        return [
+            own,
+            again,
+            *(rng.normal(size=size) + far / np.sqrt(size) for far in apart[one.label]),
+        ]
 
     course, deviations = further.proposed(setup, [[], [], []], follow)
     assert course == list(further.COURSES)[1] and deviations == pytest.approx(20, rel=0.15)
