@@ -7,4 +7,5 @@ set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 # avr-gcc 5.4 compiles wrongly without this: after its registers are chosen, the pass postreload
 # writes an address as the sum of another one and a constant, although one half of the other has been
 # used as a scratch register meanwhile. The build-up of the flux took no time because of that.
-set(CMAKE_C_FLAGS_INIT "-mmcu=atmega2560 -fdisable-rtl-postreload")
+# Short calls, and registers saved by a routine that all functions share: else the code has no room.
+set(CMAKE_C_FLAGS_INIT "-mmcu=atmega2560 -mrelax -mcall-prologues -fdisable-rtl-postreload")

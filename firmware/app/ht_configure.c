@@ -198,7 +198,6 @@ static float adaptation_gain(const float *v, float time_s)
 static void apply_protection(const float *v, ht_protect_config *c)
 {
     float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
-    float gain;
     c->i_trip_A = v[HT_P_i_trip_A];
     c->i_ab_trip_A = v[HT_P_i_ab_trip_A];
     c->i_sum_trip_A = v[HT_P_i_sum_trip_A];
@@ -222,12 +221,9 @@ static void apply_protection(const float *v, ht_protect_config *c)
                         / (v[HT_P_rr_ohm] + v[HT_P_lr_H] * v[HT_P_f_slow_Hz] / ROTOR_FASTER);
         c->magnetise_A_Wb = ROTOR_FASTER / (ratio * v[HT_P_lm_H]);
     }
-    /* A mean over the slow period is half a period old, the flux's speed a time constant. */
-    c->estimate_back = 0.5f - OMEGA_FILTER_S * v[HT_P_f_slow_Hz];
+    c->slow_Hz = v[HT_P_f_slow_Hz];
+    c->slow_turns_s = 1.0f / (2.0f * PI_F * v[HT_P_f_slow_Hz]);
     c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
-    /* exp(-x) is (1 - x/2) / (1 + x/2) next to 0; a slow period of twice the time constant sees no lag. */
-    gain = 1.0f / (0.5f + OMEGA_FILTER_S * v[HT_P_f_slow_Hz]);
-    c->short_gain = (gain < 1.0f) ? gain : 1.0f;
     c->magnets = v[HT_P_machine] != 0.0f;
     c->inv_psi_f = 1.0f / v[HT_P_psi_f_Wb];
     c->counts_quick = encoder_gain(v, COUNTS_QUICK_S);
@@ -312,6 +308,10 @@ static void configure_flux_brake(const float *v, ht_flux_brake_config *c)
 /* Low pass of the squared currents, slow periods: their ripple at twice the current's frequency must
  * not be taken for a constant by the samples of the slow interrupt. */
 #define HEAT_LOOK_PERIODS 2.0f
+/* Low pass of the part of the squares that the samples miss, in looks: that of one look scatters. */
+#define HEAT_MORE_LOOKS 10.0f
+/* Of turns of seven interrupts, four meet each place of a switching period of four. */
+#define HEAT_TURNS 4.0f
 
 /* The adapted R_s is exact after so many of its time constants: where the speed fades it, 100 K are far
  * below the model's trust in it then. */
@@ -326,12 +326,16 @@ static void configure_heat(const ht_params *p, ht_heat_config *c)
     float step_s;
     c->steps = 0.0f;
     c->look_gain = 0.0f;
+    c->more_gain = 0.0f;
+    c->look_turns = 0.0f;
     if (per_s > 0.0f) {
         c->steps = (float)(uint32_t)(HEAT_STEP / (per_s * slow_s)) + 1.0f;
     }
     if ((per_s > 0.0f) || (v[HT_P_device_K_W] > 0.0f)) {
         float looks = slow_s * v[HT_P_f_isr_Hz] / (legs + 1.0f); /* of a leg, in a slow period */
         c->look_gain = 1.0f / (1.0f + HEAT_LOOK_PERIODS * looks);
+        c->more_gain = 1.0f / (1.0f + HEAT_MORE_LOOKS);
+        c->look_turns = looks + HEAT_TURNS;
     }
     step_s = c->steps * slow_s;
     c->to_frame = step_s / v[HT_P_winding_s];
@@ -429,7 +433,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     configure_sensors(v, c);
     configure_device_heat(v, &c->device_heat);
     c->pull_out_Nm_Wb2 = pull_out(v);
-    ht_derating_configure(&c->params, &c->control.observer, &c->derating);
+    ht_derating_configure(&c->params, &c->control, &c->derating);
     configure_least_loss(v, c->pull_out_Nm_Wb2, &c->least_loss);
     configure_flux_brake(v, &c->flux_brake);
     c->sets.gain = 1.0f / (1.0f + SETS_S * v[HT_P_f_slow_Hz]);

@@ -13,6 +13,7 @@
 #include "ht_flux_brake.h"
 #include "ht_heat.h"
 #include "ht_least_loss.h"
+#include "ht_look.h"
 #include "ht_ntc.h"
 #include "ht_outputs.h"
 #include "ht_params.h"

@@ -53,14 +53,17 @@ static void configure_ripple(const float *v, ht_derating_config *c)
     c->torque_band_Nm = bands ? v[HT_P_torque_band_Nm] : 0.0f;
 }
 
-void ht_derating_configure(const ht_params *p, const ht_observer_config *machine,
+void ht_derating_configure(const ht_params *p, const ht_control_config *control,
                            ht_derating_config *c)
 {
     const float *v = p->v;
+    const ht_observer_config *machine = &control->observer;
     float sigma;
     c->ls_H = v[HT_P_sigma_ls_H] + v[HT_P_lm_H] * v[HT_P_lm_H] / v[HT_P_lr_H];
     sigma = v[HT_P_sigma_ls_H] / c->ls_H;
     c->sigma_ls_H = v[HT_P_sigma_ls_H];
+    c->lxy_H = v[HT_P_lxy_H];
+    c->left_pu = v[HT_P_fw_margin] * ht_control_left_pu(control);
     c->rated_A = ROOT_2 * v[HT_P_i_rated_A];
     c->trip_A = v[HT_P_i_trip_A];
     c->lean = sigma / (1.0f + sigma);
@@ -93,6 +96,14 @@ float ht_derated_most_A(const ht_derating_config *c, const ht_lost_legs *lost, f
     most_A = (most_A < share_A) ? most_A : share_A;
     most_A = (most_A > least_A) ? most_A : least_A;
     return (lost != NULL) ? ht_derated_A(lost, most_A) : most_A;
+}
+
+float ht_derated_V(const ht_derating_config *c, float vdc_V, float rs_ohm, float omega_rad_s,
+                   float i_A)
+{
+    float x_ohm = omega_rad_s * c->lxy_H;
+    float left_V = c->left_pu * vdc_V - sqrtf(rs_ohm * rs_ohm + x_ohm * x_ohm) * i_A;
+    return (left_V > 0.0f) ? left_V : 0.0f;
 }
 
 float ht_derated_Wb(const ht_derating_config *c, float i_A)

@@ -5,7 +5,7 @@
 #ifndef HT_DERATING_H
 #define HT_DERATING_H
 
-#include "ht_lost_legs.h"
+#include "ht_control.h"
 #include "ht_params.h"
 
 typedef struct {
@@ -20,15 +20,23 @@ typedef struct {
     float best_Wb_A;   /**< flux with the most torque, per ampere in alpha-beta */
     float torque_gain; /**< 3 P */
     float sigma_ls_H;  /**< stator transient inductance */
+    float lxy_H;
+    float
+        left_pu; /**< usable phase voltage in units of Vdc without some of the legs, margin included */
 } ht_derating_config;
 
-/** `machine`: as the control is configured by these parameters. */
-void ht_derating_configure(const ht_params *p, const ht_observer_config *machine,
+/** `control`: as it is configured by these parameters. */
+void ht_derating_configure(const ht_params *p, const ht_control_config *control,
                            ht_derating_config *c);
 
 /** Current in alpha-beta, amplitude, with which the most loaded phase carries `phase_A`, where at least
  *  one leg is lost. */
 float ht_derated_A(const ht_lost_legs *lost, float phase_A);
+
+/** What of the voltage of a drive without some of its legs is left to turn its flux with `omega_rad_s`.
+ *  Where the others make up for a lost leg, R_s and L_xy take their voltage of the current `i_A` once more. */
+float ht_derated_V(const ht_derating_config *c, float vdc_V, float rs_ohm, float omega_rad_s,
+                   float i_A);
 
 /** Stator flux that makes the most torque of the current `i_A`. More flux leaves too little of the
  *  current for torque. */

@@ -79,28 +79,56 @@ HT_SELDOM static uint16_t tripped_by(const ht_drive *d)
     return (faults != 0u) ? (uint16_t)faults : (uint16_t)HT_FAULT_EXTERNAL;
 }
 
-/* Gates on: look at the squared current of one phase, and in every seventh interrupt at none. A switching
- * period has one, two or four interrupts. So the looks at a phase meet each of them in turn; in a round of
- * six they would meet only every other one, and its ripple. */
-static inline void look_at_heat(ht_drive *d)
-{
-    uint16_t leg = d->heat_leg;
-    if (leg < (uint16_t)HT_LEGS) {
-        float i_A = d->in.i_A.p[leg];
-        float *square_A2 = &d->heat.square_A2[leg];
-        *square_A2 += d->config->heat.look_gain * (i_A * i_A - *square_A2);
-        leg++;
-    } else {
-        leg = 0u;
-    }
-    d->heat_leg = leg;
-}
-
 /* The leg at which the next interrupt looks. */
 static inline void next_leg(ht_drive *d)
 {
     uint16_t leg = d->stuck_leg;
     d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
+}
+
+/* The turn is at no leg: it begins anew, or four interrupts bring a look that the slow interrupt has asked for.
+ * Two of them know the patterns, and two of them or the next ones the currents, because under shadow load a
+ * pattern takes effect a period later. */
+HT_SELDOM static void bring_look(ht_drive *d, const ht_compare *out)
+{
+    unsigned part = (unsigned)d->heat_turn - (unsigned)HT_LEGS;
+    unsigned later = d->config->control.shadow ? 2u : 1u;
+    if ((d->looked != 0u) || (d->look_wait != 0u)) {
+        if (d->looked == 0u) {
+            d->look_wait--;
+        }
+        d->heat_turn = 0u;
+        return;
+    }
+    if (part < 2u) {
+        d->look.pattern[part] = *out;
+    }
+    if ((part >= later) && (part < (later + 2u))) {
+        d->look.i_A[part - later] = d->in.i_A;
+        d->look.axis = d->in.axis;
+    }
+    if (part < 3u) {
+        d->heat_turn++;
+    } else {
+        d->looked = 1u;
+        d->heat_turn = 0u;
+    }
+}
+
+/* The next pattern, and a look at the squared current of one phase, in every seventh interrupt at none. A
+ * switching period has one, two or four interrupts: so the looks at a phase meet each of them in turn. */
+static inline void write_pattern(ht_drive *d, const ht_compare *out)
+{
+    uint16_t leg = d->heat_turn;
+    ht_port_write(d->port, out);
+    if (leg < (uint16_t)HT_LEGS) {
+        float i_A = d->in.i_A.p[leg];
+        float *square_A2 = &d->heat.square_A2[leg];
+        *square_A2 += d->config->heat.look_gain * (i_A * i_A - *square_A2);
+        d->heat_turn = (uint16_t)(leg + 1u);
+    } else {
+        bring_look(d, out);
+    }
 }
 
 /* Everything that is known before the control step. `powered`: the gates are on, and
@@ -111,7 +139,6 @@ static inline uint16_t faults_before(ht_drive *d, bool powered)
     if (powered) {
         uint16_t leg = d->stuck_leg;
         faults |= ht_protect_stuck(&d->config->protect, &d->protect, &d->samples, leg);
-        look_at_heat(d);
         next_leg(d);
         bool off = (d->off_legs & (HT_LEG_U1 >> leg)) != 0u;
         if (ht_port_leg_tripped(d->port, leg) != off) { /* all legs in six periods */
@@ -350,6 +377,7 @@ static void calibrate(ht_drive *d)
         ht_compare low;
         ht_control_low_pattern(&d->config->control, &low);
         ht_port_write(d->port, &low);
+        d->heat_turn = 0u; /* a look that the gates' end has broken off */
     }
     coast(d);
     if ((float)d->off_ticks < CURRENTS_END_S * d->config->params.v[HT_P_f_isr_Hz]) {
@@ -416,7 +444,6 @@ static void begin_run(ht_drive *d, float omega)
 {
     d->flux_ramp_Wb = d->flux_ref_Wb;
     d->omega_mean_rad_s = omega;
-    d->protect.estimated_rpm = d->speed_rpm; /* there was no slip */
     d->flux_lowered = 0u;
     d->flux_unknown = 0.0f;
     ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
@@ -493,7 +520,7 @@ static inline void drive(ht_drive *d, bool build)
         /* as it was */
     }
     ht_control_step(&d->config->control, &d->control, &d->in, build, &out);
-    ht_port_write(d->port, &out);
+    write_pattern(d, &out);
     if (build) {
         end_build(d, share);
     }
@@ -546,7 +573,7 @@ HT_SELDOM static void align(ht_drive *d)
         return;
     }
     ht_control_align(&c->control, &d->control, &d->in, d->rotor.direction, &out);
-    ht_port_write(d->port, &out);
+    write_pattern(d, &out);
     if (gates_refused(d)) {
         ht_drive_trip(d, HT_FAULT_EXTERNAL);
     } else if (step == HT_ALIGNED) {
@@ -583,7 +610,7 @@ static HT_INTO_CALLERS void first_step(ht_drive *d)
 {
     ht_compare out;
     ht_control_step(&d->config->control, &d->control, &d->in, false, &out);
-    ht_port_write(d->port, &out);
+    write_pattern(d, &out);
     protect_after(d);
 }
 
@@ -610,7 +637,7 @@ HT_SELDOM static bool catch_rotor(ht_drive *d)
         return true;
     }
     ht_control_low_pattern(&c->control, &low); /* the pattern stays: all legs low */
-    ht_port_write(d->port, &low);
+    write_pattern(d, &low);
     if (gates_refused(d)) {
         ht_drive_trip(d, HT_FAULT_EXTERNAL);
     }
@@ -660,7 +687,7 @@ HT_SELDOM static void catch_shaft(ht_drive *d)
     d->in.omega_rad_s = omega;
     ht_drive_set_flux_ref(d, caught_Wb(d, omega));
     ht_control_catch(&c->control, &d->control, &d->in, &out);
-    ht_port_write(d->port, &out);
+    write_pattern(d, &out);
     if (gates_refused(d)) {
         ht_drive_trip(d, HT_FAULT_EXTERNAL);
     } else if (d->state_ticks >= d->build_ticks) {
@@ -679,7 +706,6 @@ static void test(ht_drive *d)
     ht_compare out;
     uint32_t faults = d->slow_faults
                       | ht_protect_samples(&d->config->protect, &d->in, d->speed_rpm, false);
-    look_at_heat(d);
     faults |= ht_excitation_faults(&d->config->excitation, &d->excitation, &d->in.i_A,
                                    d->samples.position);
     if ((d->state_ticks > 1u) && ht_port_tripped(d->port, used_legs(d))) {
@@ -695,7 +721,7 @@ static void test(ht_drive *d)
         return;
     }
     ht_excitation_step(&d->config->excitation, &d->excitation, d->in.vdc_V, &c->period, &out);
-    ht_port_write(d->port, &out);
+    write_pattern(d, &out);
     if (gates_refused(d)) {
         ht_drive_trip(d, HT_FAULT_EXTERNAL);
     } else if (too_late(d)) {

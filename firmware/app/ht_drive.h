@@ -110,9 +110,11 @@ typedef struct {
     uint16_t vdc_acts;     /**< HT_LIMIT_VDC_...: which limit acted since the last slow interrupt */
     uint16_t limits;       /**< HT_LIMIT_...: which limits act */
     uint16_t stuck_leg;    /**< leg whose sensor and trip latch are checked next */
-    uint16_t heat_leg;     /**< leg whose squared current is looked at next; HT_LEGS: none */
-    uint16_t chops;        /**< HT_OUT_CHOPPER while the chopper is on */
-    ht_samples samples;    /**< latest */
+    uint16_t heat_turn; /**< leg whose squared current is looked at next; from HT_LEGS on: none */
+    volatile uint16_t looked;    /**< 1: `look` is there, and none is asked for */
+    volatile uint16_t look_wait; /**< turns until it begins */
+    uint16_t chops;              /**< HT_OUT_CHOPPER while the chopper is on */
+    ht_samples samples;          /**< latest */
     volatile uint32_t position_now;
     float offset_counts[HT_LEGS]; /**< calibrated zero of each current channel */
     float i_per_count;
@@ -181,6 +183,8 @@ typedef struct {
     ht_index_state index;               /**< the slow interrupt's; nothing but a reset forgets it */
     uint16_t torque_limited_by; /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
     ht_flux_brake_state flux_brake;
+    ht_look look;       /**< of the fast interrupt for the slow one, which asks for it */
+    uint16_t look_turn; /**< of numbers at random */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. No interrupt

@@ -102,15 +102,66 @@ static float device_share(const ht_drive *d, const ht_drive_config *c)
                    : 1.0f;
 }
 
+/* The part that the samples miss: the mean squares of the look less the squares of its two samples. */
+HT_SELDOM static void take_look(ht_drive *d, const ht_drive_config *c)
+{
+    const ht_observer_config *m = &c->control.observer;
+    ht_look_circuit circuit;
+    ht_six mean_A2;
+    int leg;
+    circuit.machine = m;
+    circuit.lxy_H = m->lxy_H + m->ts_s * d->control.leg_loss.more_ohm;
+    circuit.vdc_V = d->in.vdc_V;
+    circuit.period = &c->control.period;
+    circuit.dead = &c->control.dead;
+    circuit.off_legs = d->off_legs;
+    ht_look_squares(&d->look, &circuit, &mean_A2);
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        float from_A = d->look.i_A[0].p[leg];
+        float to_A = d->look.i_A[1].p[leg];
+        float more_A2 = mean_A2.p[leg] - 0.5f * (from_A * from_A + to_A * to_A);
+        d->heat.more_A2[leg] += c->heat.more_gain * (more_A2 - d->heat.more_A2[leg]);
+    }
+}
+
+/* Takes the look that is there, and asks for the next one at random: the same place of the ripple, or of a
+ * current whose frequency fits the slow interrupt's, must not come each time. */
+HT_SELDOM static void follow_look(ht_drive *d, const ht_drive_config *c)
+{
+    uint32_t drawn;
+    float wait;
+    if (!(c->heat.more_gain > 0.0f) || (d->looked == 0u)) {
+        return;
+    }
+    take_look(d, c);
+    drawn = 25173u * (uint32_t)d->look_turn + 13849u;
+    d->look_turn = (uint16_t)(drawn & 0xFFFFu);
+    wait = c->heat.look_turns * (1.0f / 65536.0f) * (float)d->look_turn;
+    d->look_wait = (uint16_t)wait;
+    d->looked = 0u; /* last: now the fast interrupt may begin */
+}
+
+/* Not in its caller's frame: the stack is short. */
+HT_APART static void heat_devices(ht_drive *d, const ht_drive_config *c, bool powered)
+{
+    float square_A2[HT_LEGS];
+    int leg;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        square_A2[leg] = ht_heat_square_A2(&d->heat, leg);
+    }
+    ht_device_heat_step(&c->device_heat, &d->device_heat, square_A2, powered, d->in.vdc_V);
+}
+
 void ht_drive_follow_heat(ht_drive *d, const ht_drive_config *c)
 {
     bool powered = (ht_state_flags(d->state) & (unsigned)HT_GATES_ON) != 0u;
     float winding;
     float device;
     hear_build(d, c);
+    follow_look(d, c);
     ht_heat_step(&c->heat, &d->heat, powered, frame_W(d, c), telling_ohm(d, c));
     read_sensors(d, c);
-    ht_device_heat_step(&c->device_heat, &d->device_heat, d->heat.square_A2, powered, d->in.vdc_V);
+    heat_devices(d, c, powered);
     winding = ht_heat_share(&c->heat, ht_heat_winding_degC(&c->heat, &d->heat));
     device = device_share(d, c);
     d->heat_share = (winding < device) ? winding : device;

@@ -4,6 +4,14 @@
 #include <math.h>
 #include <stddef.h>
 
+/* Voltage that is there to turn the flux. */
+static float turning_V(const ht_drive *d, const ht_drive_config *c, float most_A)
+{
+    return (d->off_legs == 0u) ? (c->flux.reach_pu * d->in.vdc_V)
+                               : ht_derated_V(&c->derating, d->in.vdc_V, d->control.observer.rs_ohm,
+                                              d->control.observer.omega_sync_rad_s, most_A);
+}
+
 /* With magnets: the largest flux that the voltage turns with this torque and the parameter allows, but no
  * less than the current can lower it to. */
 static float most_flux_Wb(const ht_drive *d, const ht_drive_config *c, float most_A,
@@ -18,7 +26,7 @@ static float most_flux_Wb(const ht_drive *d, const ht_drive_config *c, float mos
          * stays behind the magnets, which is more torque than asked, up to beyond the pull-out. */
         float omega_rad_s = d->control.observer.omega_sync_rad_s;
         bool drives = (torque_Nm * omega_rad_s) > 0.0f;
-        float turned_Wb = ht_magnet_turned_Wb(c->flux.reach_pu * d->in.vdc_V, omega_rad_s,
+        float turned_Wb = ht_magnet_turned_Wb(turning_V(d, c, most_A), omega_rad_s,
                                               d->control.observer.rs_ohm, drives ? torque_Nm : 0.0f,
                                               m->torque_gain);
         most_Wb = ht_smaller(turned_Wb, most_Wb);
@@ -34,7 +42,8 @@ static float most_flux_Wb(const ht_drive *d, const ht_drive_config *c, float mos
  * leaves less flux, so that a limit at the flux of the torque before would swing from tick to tick. */
 static ht_limit magnet_limit(const ht_drive *d, const ht_drive_config *c, float most_A)
 {
-    ht_limit limit = {0.0f, (uint16_t)HT_LIMIT_CURRENT};
+    unsigned by = (d->off_legs != 0u) ? (unsigned)HT_LIMIT_LEGS : (unsigned)HT_LIMIT_CURRENT;
+    ht_limit limit = {0.0f, (uint16_t)by};
     const ht_magnet_config *m = &c->control.observer.magnet;
     float sign = (d->torque_ref_Nm < 0.0f) ? -1.0f : 1.0f;
     float most_Nm = c->params.v[HT_P_torque_limit_Nm];
@@ -42,7 +51,7 @@ static ht_limit magnet_limit(const ht_drive *d, const ht_drive_config *c, float 
     float limit_Nm = 0.0f;
     int n;
     if (c->params.v[HT_P_field_weakening] != 0.0f) {
-        most_Nm = ht_smaller(ht_magnet_driven_Nm(c->flux.reach_pu * d->in.vdc_V,
+        most_Nm = ht_smaller(ht_magnet_driven_Nm(turning_V(d, c, most_A),
                                                  sign * d->control.observer.omega_sync_rad_s,
                                                  d->control.observer.rs_ohm, m->torque_gain),
                              most_Nm);
@@ -78,7 +87,7 @@ static float economic_Wb(ht_drive *d, const ht_drive_config *c, float most_A, fl
     float iron_W_Wb2;
     float torque_Nm;
     float flux_Wb;
-    if (v[HT_P_flux_least_loss] == 0.0f) {
+    if ((v[HT_P_flux_least_loss] == 0.0f) || (d->off_legs != 0u)) { /* without a leg as ramp_flux */
         ht_least_loss_reset(&d->least_loss, least_Wb);
         return least_Wb;
     }
@@ -96,7 +105,9 @@ static float economic_Wb(ht_drive *d, const ht_drive_config *c, float most_A, fl
 void ht_drive_refer_magnets(ht_drive *d, const ht_drive_config *c)
 {
     const ht_magnet_config *m = &c->control.observer.magnet;
-    float most_A = ht_derated_most_A(&c->derating, NULL, d->in.vdc_V, m->psi_f_Wb);
+    float most_A = (d->off_legs != 0u)
+                       ? ht_drive_derated_A(d, c)
+                       : ht_derated_most_A(&c->derating, NULL, d->in.vdc_V, m->psi_f_Wb);
     ht_limit limit;
     float flux_Wb;
     limit = magnet_limit(d, c, most_A);

@@ -117,7 +117,9 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     d->in.axis.alpha = 1.0f;
     d->in.axis.beta = 0.0f;
     d->stuck_leg = 0u;
-    d->heat_leg = 0u;
+    d->heat_turn = 0u;
+    d->looked = 0u;
+    d->look_wait = 0u;
     ht_protect_reset(&d->protect);
     ht_short_circuit_reset(&d->short_circuit);
     d->taken_tick = d->tick + 1u;
@@ -162,6 +164,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     ht_heat_reset(&d->heat);
     ht_device_heat_reset(&d->device_heat);
     d->heat_faults = 0u;
+    d->look_turn = 0u;
     for (row = 0u; row < (uint16_t)HT_SLOW_CHANNELS; row++) {
         ht_ntc_reset(&d->ntc[row]);
         d->sensors[row] = (uint16_t)HT_NTC_WHOLE;

@@ -97,6 +97,10 @@ static unsigned follow_build(ht_drive *d, const ht_drive_config *c)
     return turning_unnoticed(d, c);
 }
 
+/* Share of the dc link's voltage that magnets induce at least where it tells their flux: dead time and
+ * devices are wrong by up to 1 % of V_dc. */
+#define FLUX_TOLD_BY 0.1f
+
 /* Where nothing adapts, the resistances in use are the configured ones. Without a leg they stay
  * as they are: R_s then counts twice along an axis. An arc would be learnt as a resistance. */
 static void learn_resistances(ht_drive *d, const ht_drive_config *c)
@@ -104,13 +108,25 @@ static void learn_resistances(ht_drive *d, const ht_drive_config *c)
     const float *v = c->params.v;
     float omega_rad_s = d->control.observer.omega_sync_rad_s;
     if ((d->off_legs == 0u) && !ht_leg_loss_maybe(&c->control.leg_loss, &d->control.leg_loss)) {
-        ht_observer_adapt(&c->control.observer, &d->control.observer,
-                          (c->control.observer.kind == HT_OBSERVER_HYBRID) ? c->adapt_gain : 0.0f);
+        if (c->control.observer.magnets) {
+            ht_observer_adapt_magnet(&c->control.observer, &d->control.observer, c->adapt_gain);
+        } else {
+            ht_observer_adapt(&c->control.observer, &d->control.observer,
+                              (c->control.observer.kind == HT_OBSERVER_HYBRID) ? c->adapt_gain
+                                                                               : 0.0f);
+        }
         ht_set_difference_learn(&c->sets, &d->sets, d->control.observer.i_A,
                                 d->control.leg_loss.low_V, omega_rad_s,
                                 HT_LEG_LOSS_TOLERANCE * v[HT_P_rs_ohm]);
     }
-    ht_leg_loss_learn(&c->control.leg_loss, &d->control.leg_loss, &d->control.i_A, c->lxy_gain);
+    if (!c->control.observer.magnets) { /* harmonics that are not told would be taken for L_xy */
+        ht_leg_loss_learn(&c->control.leg_loss, &d->control.leg_loss, &d->control.i_A, c->lxy_gain);
+    } else if (d->off_legs == 0u) {
+        ht_observer_adapt_flux(&c->control.observer, &d->control.observer, c->flux_gain,
+                               FLUX_TOLD_BY * d->in.vdc_V);
+    } else {
+        /* their flux stays as it was learnt */
+    }
     ht_leg_loss_tolerate(&d->control.leg_loss, v[HT_P_rs_ohm], v[HT_P_lxy_H], omega_rad_s);
 }
 
@@ -142,10 +158,6 @@ static void switch_outputs(ht_drive *d, const ht_drive_config *c)
     }
 }
 
-/* Share of the dc link's voltage that magnets induce at least where it tells their flux: dead time and
- * devices are wrong by up to 1 % of V_dc. */
-#define FLUX_TOLD_BY 0.1f
-
 void ht_drive_slow_isr(ht_drive *d)
 {
     uint32_t faults = 0u; /* written once: the fast interrupt may read them at any time */
@@ -164,20 +176,14 @@ void ht_drive_slow_isr(ht_drive *d)
                                 d->speed_rpm / c->protect.rpm_per_rad_s);
     }
     if (d->state == (uint16_t)HT_STATE_RUN) {
-        faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm,
-                                 d->in.inv_flux_ref2);
+        faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
         d->slow_faults = faults | lasting;
         d->omega_mean_rad_s += c->omega_mean_gain
                                * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
+        learn_resistances(d, c);
         if (c->control.observer.magnets) {
-            ht_leg_loss_tolerate(&d->control.leg_loss, c->params.v[HT_P_rs_ohm],
-                                 c->params.v[HT_P_lxy_H], d->control.observer.omega_sync_rad_s);
-            ht_observer_adapt_magnet(&c->control.observer, &d->control.observer, c->adapt_gain);
-            ht_observer_adapt_flux(&c->control.observer, &d->control.observer, c->flux_gain,
-                                   FLUX_TOLD_BY * d->in.vdc_V);
             ht_drive_refer_magnets(d, c);
         } else {
-            learn_resistances(d, c);
             ht_drive_refer_flux(d, c);
             ht_drive_limit_torque(d, c);
             ht_drive_follow_reference(d, c);

@@ -113,8 +113,11 @@ static bool magnets_fit(const float *v, uint16_t misfit)
     case HT_MISFIT_CEILING:
         result = (v[HT_P_trip_state] != 0.0f) || (terminal_Wb * omega <= v[HT_P_vdc_max_V]);
         break;
+    case HT_MISFIT_RIDE_SHORT:
+        result = (v[HT_P_ride_through] == 0.0f) || (v[HT_P_trip_state] == 0.0f);
+        break;
     case HT_MISFIT_MAGNET_LEGS:
-        result = (v[HT_P_ride_through] == 0.0f) && (v[HT_P_lost_legs] == 0.0f);
+        result = v[HT_P_lost_legs] == 0.0f;
         break;
     case HT_MISFIT_XY_STEP:
     default:
@@ -364,6 +367,7 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_CEILING:
     case HT_MISFIT_MAGNET_LEGS:
     case HT_MISFIT_XY_STEP:
+    case HT_MISFIT_RIDE_SHORT:
         result = (v[HT_P_machine] == 0.0f) || magnets_fit(v, misfit);
         break;
     case HT_MISFIT_WINDING:

@@ -1,5 +1,9 @@
 #include "ht_protect.h"
 
+#include "ht_angle.h"
+#include "ht_limited.h"
+#include "ht_turned.h"
+
 #include <math.h>
 
 static bool within(float value, float limit)
@@ -21,8 +25,9 @@ void ht_protect_reset(ht_protect_state *st)
     st->rotor_now_Wb = 0.0f;
     st->i_A.alpha = 0.0f;
     st->i_A.beta = 0.0f;
-    st->estimated_rpm = 0.0f;
-    st->flux_short = 0.0f;
+    st->flux_Wb.alpha = 0.0f;
+    st->flux_Wb.beta = 0.0f;
+    st->omega_rad_s = 0.0f;
     st->speed_error_rpm = 0.0f;
     st->counts_quick = 0.0f;
     st->counts_slow = 0.0f;
@@ -192,10 +197,19 @@ static float off_circle_A(const ht_protect_config *cfg, const ht_protect_state *
     return (psi2 != 0.0f) ? circle_distance_A(cfg, psi, i, psi2) : 0.0f;
 }
 
+/* For the next look at the flux. */
+static void remember(ht_protect_state *st, const ht_control_state *c, ht_ab rotor_Wb)
+{
+    st->flux_Wb = rotor_Wb;
+    st->omega_rad_s = c->observer.omega_sync_rad_s;
+}
+
 void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
                        const ht_control_state *c)
 {
-    follow(cfg, st, rotor_flux(cfg, c), c->observer.i_A);
+    ht_ab r = rotor_flux(cfg, c);
+    follow(cfg, st, r, c->observer.i_A);
+    remember(st, c, r);
 }
 
 /* The flux is off by the square root of `off2`, units of `flux_check`, at present. Is its mean square
@@ -219,27 +233,51 @@ static uint16_t magnets_slow(const ht_protect_config *cfg, ht_protect_state *st,
     return flux_beyond(cfg, st, off2);
 }
 
-/* A flux that is shorter than this share of its reference has no speed that could be told; squared. */
-#define LEAST_FLUX2 0.04f
+#define PI_F 3.14159265f
+/* 2 atan(t) is 2 t/(1 + ATAN t^2), within 0.01 for |t| <= 1. */
+#define ATAN 0.28f
 
-/* Electrical speed of the flux. */
-static float flux_rad_s(const ht_protect_config *cfg, ht_protect_state *st,
-                        const ht_control_state *c, float inv_flux_ref2)
+/* Twice the angle whose tangent is across/along, along >= 0: -pi .. pi. */
+static float twice_angle(float across, float along)
 {
-    ht_ab psi = c->estimate.psi_Wb;
-    float is_short = 1.0f - inv_flux_ref2 * (psi.alpha * psi.alpha + psi.beta * psi.beta);
-    float was = st->flux_short;
-    float now = was + cfg->short_gain * (is_short - was);
-    float length2 = 1.0f;
-    st->flux_short = now;
-    if ((was * now) > 0.0f) { /* both are on one side of the reference */
-        length2 = 1.0f - ((fabsf(now) < fabsf(was)) ? now : was);
+    float size = fabsf(across);
+    bool steep = size > along;
+    float t = steep ? (along / size) : (size / along);
+    float angle = 2.0f * t / (1.0f + ATAN * t * t);
+    angle = steep ? (PI_F - angle) : angle;
+    return (across < 0.0f) ? -angle : angle;
+}
+
+/* No flux turns so often in a slow period. */
+#define MOST_TURNS 1.0e4f
+
+/* Electrical speed of the rotor flux `now`, mean since the slow interrupt before: the turn that the observer's
+ * speeds at both make in this time, and the rest of the angle between both. The observer's speed alone has a
+ * scheme's ripple in it, which beats with the looks, and is wrong where the voltage keeps the flux away from its
+ * reference; and the stator flux turns by twice the load angle when the torque reverses. */
+static float flux_rad_s(const ht_protect_config *cfg, ht_protect_state *st,
+                        const ht_control_state *c, ht_ab now)
+{
+    ht_ab was = st->flux_Wb;
+    float observed = 0.5f * (st->omega_rad_s + c->observer.omega_sync_rad_s);
+    float turns = ht_limited(cfg->slow_turns_s * observed, MOST_TURNS);
+    float part = turns - (float)(int32_t)turns;
+    ht_ab turn = ht_unit((part < 0.0f) ? (part + 1.0f) : part);
+    float along;
+    float across;
+    was = ht_product(turn, was);
+    along = was.alpha * now.alpha + was.beta * now.beta;
+    across = was.alpha * now.beta - was.beta * now.alpha;
+    along += sqrtf(along * along + across * across);
+    remember(st, c, now);
+    if ((along == 0.0f) && (across == 0.0f)) { /* no flux before, or the opposite one */
+        return c->observer.omega_sync_rad_s;
     }
-    return c->observer.omega_sync_rad_s / ((length2 > LEAST_FLUX2) ? length2 : LEAST_FLUX2);
+    return observed + cfg->slow_Hz * twice_angle(across, along);
 }
 
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
-                         const ht_control_state *c, float speed_rpm, float inv_flux_ref2)
+                         const ht_control_state *c, float speed_rpm)
 {
     ht_ab i = c->observer.i_A;
     uint16_t faults = 0u;
@@ -252,10 +290,8 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     }
     follow(cfg, st, r, i);
     if (r2 != 0.0f) {
-        float estimated = cfg->rpm_per_rad_s * (flux_rad_s(cfg, st, c, inv_flux_ref2) - slip / r2);
-        off = speed_rpm - estimated + cfg->estimate_back * (estimated - st->estimated_rpm);
-        st->estimated_rpm = estimated;
-        st->speed_error_rpm += cfg->encoder_gain * (off - st->speed_error_rpm);
+        float estimated = cfg->rpm_per_rad_s * (flux_rad_s(cfg, st, c, r) - slip / r2);
+        st->speed_error_rpm += cfg->encoder_gain * (speed_rpm - estimated - st->speed_error_rpm);
     }
     off = off_circle_A(cfg, st) / cfg->no_load_A;
     faults = flux_beyond(cfg, st, off * off);

@@ -31,10 +31,9 @@ typedef struct {
     float rotor_gain;       /**< low-pass gain of rotor flux and current per slow interrupt */
     float magnetise_A_Wb;   /**< current that the low pass of the rotor flux takes to rise, per
                              *   weber by which the rotor flux is ahead of it */
-    float estimate_back;    /**< lag of the measured speed behind the flux's, slow periods; below 0
-                             *   the flux's is the later one */
+    float slow_Hz;          /**< of the slow interrupt */
+    float slow_turns_s;     /**< its period over a turn, s/rad */
     float encoder_gain;     /**< low-pass gain of `encoder_trip_rpm` per slow interrupt */
-    float short_gain;       /**< the same of the flux's length: it is as old as the flux's speed */
     bool magnets;
     float inv_psi_f;    /**< 1 / flux linkage of the magnets */
     float counts_quick; /**< low-pass gains of the encoder's counts per fast interrupt */
@@ -50,10 +49,10 @@ typedef struct {
     float rotor_Wb;          /**< low pass of the rotor flux, as seen from the stator */
     float rotor_now_Wb;      /**< the rotor flux itself */
     ht_ab i_A;               /**< low pass of the current along and across the rotor flux */
-    float estimated_rpm;     /**< of the slow interrupt before */
-    float flux_short; /**< 1 less the low pass of the flux's length over its reference, squared */
-    float speed_error_rpm; /**< mean of measured minus estimated speed */
-    float counts_quick;    /**< with magnets: means of the encoder's counts in a period */
+    ht_ab flux_Wb;           /**< of the rotor, at the slow interrupt before; 0: not known */
+    float omega_rad_s;       /**< the flux's speed by the observer then */
+    float speed_error_rpm;   /**< mean of measured minus estimated speed */
+    float counts_quick;      /**< with magnets: means of the encoder's counts in a period */
     float counts_slow;
     float off2; /**< the latest square that `circle2` is the mean of */
 } ht_protect_state;
@@ -99,14 +98,10 @@ void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
  *  through the same low pass before they are compared. The limit is in amperes, because the
  *  current's ripple does not shrink with the field.
  *
- *  Encoder: the speed of the shaft is the speed of the flux minus the slip. Both are compared
- *  for the same instant: otherwise a drive that accelerates would look like one with a wrong
- *  encoder. The observer divides by the flux reference, `inv_flux_ref2` is 1 over its square. A flux that the
- *  voltage keeps away from it turns faster than the observer tells, so the length is taken into account,
- *  through a low pass like that of the speed. Of this and the value before, the one nearer to the
- *  reference counts: then the speed lies between the observer's and the true one while the length
- *  changes, and a step of the flux is no fault that it was not without the length. */
+ *  Encoder: the speed of the shaft is the speed of the rotor flux minus the slip. `speed_rpm` and the
+ *  flux's speed are means since the slow interrupt before: otherwise a drive that accelerates would look like
+ *  one with a wrong encoder. */
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
-                         const ht_control_state *c, float speed_rpm, float inv_flux_ref2);
+                         const ht_control_state *c, float speed_rpm);
 
 #endif

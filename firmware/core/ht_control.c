@@ -69,18 +69,19 @@ static HT_INTO_CALLERS bool vector_step(const ht_control_config *cfg, ht_control
  * too. A law that does not exist gets none. */
 static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_control_state *st,
                                           const ht_control_input *in,
-                                          const ht_voltage_law_input *seen, bool lost)
+                                          const ht_voltage_law_input *seen, const ht_xy *emf_pu,
+                                          bool lost)
 {
     ht_vsd v;
     switch (cfg->law) {
-#define HT_VECTOR_LAW(id, law)                                                           \
-    case HT_LAW_##id:                                                                    \
-        if (lost) {                                                                      \
-            ht_vector_law_input vectors = vectors_seen(cfg, st, in, seen->i_A.xy, NULL); \
-            v = ht_##law##_law_voltage(&cfg->law##_law, &st->law##_law, &vectors);       \
-        } else {                                                                         \
-            v = no_voltage;                                                              \
-        }                                                                                \
+#define HT_VECTOR_LAW(id, law)                                                             \
+    case HT_LAW_##id:                                                                      \
+        if (lost) {                                                                        \
+            ht_vector_law_input vectors = vectors_seen(cfg, st, in, seen->i_A.xy, emf_pu); \
+            v = ht_##law##_law_voltage(&cfg->law##_law, &st->law##_law, &vectors);         \
+        } else {                                                                           \
+            v = no_voltage;                                                                \
+        }                                                                                  \
         break;
 #define HT_VOLTAGE_LAW(id, law)                                                         \
     case HT_LAW_##id:                                                                   \
@@ -173,8 +174,8 @@ static HT_INTO_CALLERS void machine_seen(const ht_control_config *cfg, const ht_
 
 /* A voltage that the law wants, units of Vdc. */
 static HT_INTO_CALLERS ht_vsd wanted_pu(const ht_control_config *cfg, ht_control_state *st,
-                                        const ht_control_input *in, ht_vsd i, bool lost,
-                                        bool magnets)
+                                        const ht_control_input *in, ht_vsd i, const ht_xy *emf_pu,
+                                        bool lost, bool magnets)
 {
     ht_voltage_law_input seen;
     ht_vsd v;
@@ -183,7 +184,7 @@ static HT_INTO_CALLERS ht_vsd wanted_pu(const ht_control_config *cfg, ht_control
         seen.i_A.xy = ht_lost_legs_across(&st->lost, seen.i_A.xy);
         seen.psi_xy_Wb = ht_lost_legs_across(&st->lost, seen.psi_xy_Wb);
     }
-    v = law_voltage(cfg, st, in, &seen, lost);
+    v = law_voltage(cfg, st, in, &seen, emf_pu, lost);
     if (lost) {
         v = ht_lost_legs_command(&st->lost, &cfg->observer, &seen, v);
     }
@@ -279,13 +280,14 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
     v = voltage(cfg, winding, &st->active, st->toggles, then, &st->i_A, &in->i_A, in->vdc_V,
                 &st->carry, &st->carry, watch || lost);
     if (lost) {
+        v.xy = magnets ? less_induced(cfg, st, in->axis, -0.5f, v.xy) : v.xy;
         v = ht_lost_legs_voltage(&st->lost, &cfg->observer, st->observer.rs_ohm, v, st->i_xy_A,
                                  i.xy);
     }
     if (watch) {
         ht_leg_loss_period period = {&st->active, st->toggles, &st->i_A,
                                      &in->i_A,    in->vdc_V,   st->observer.rs_ohm};
-        ht_xy acts = magnets ? less_induced(cfg, st, in->axis, -0.5f, v.xy) : v.xy;
+        ht_xy acts = (magnets && !lost) ? less_induced(cfg, st, in->axis, -0.5f, v.xy) : v.xy;
         ht_leg_loss_step(&cfg->leg_loss, &st->leg_loss, &period, acts, st->i_xy_A, i.xy);
     }
     if (caught) {
@@ -312,6 +314,7 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
                     &st->carry, &over, xy);
         if (lost) {
             ht_ab r; /* rotor flux seen from the stator */
+            v.xy = magnets ? less_induced(cfg, st, in->axis, 0.5f, v.xy) : v.xy;
             r.alpha = estimate.psi_Wb.alpha - cfg->observer.sigma_ls_H * i.ab.alpha;
             r.beta = estimate.psi_Wb.beta - cfg->observer.sigma_ls_H * i.ab.beta;
             v.ab = ht_lost_legs_expected(&st->lost, &cfg->observer, st->observer.rs_ohm, v, i.ab, r,
@@ -322,7 +325,7 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
                                                  i.ab, in->axis, &st->rotor_Wb)
                     : ht_observer_predict(&cfg->observer, &st->observer, estimate, v.ab, i.ab);
         if (xy) {
-            v.xy = magnets ? less_induced(cfg, st, in->axis, 0.5f, v.xy) : v.xy;
+            v.xy = (magnets && !lost) ? less_induced(cfg, st, in->axis, 0.5f, v.xy) : v.xy;
             st->psi_xy_Wb = ht_observer_predict_xy(&cfg->observer, &st->observer, v.xy, i.xy);
         }
     } else {
@@ -440,13 +443,15 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     ht_action_points p;
     ht_ab step_Wb;
     ht_vsd v;
-    ht_xy emf_pu;
+    ht_xy induced_pu;
+    const ht_xy *emf_pu = NULL;
     uint16_t s[3];
     observe(cfg, st, in, i, lost, magnets, caught, winding);
     if (magnets) {
         st->emf_V = induced_V(cfg, st, in->axis, cfg->shadow ? 1.5f : 0.5f);
-        emf_pu.x = st->emf_V.x / in->vdc_V;
-        emf_pu.y = st->emf_V.y / in->vdc_V;
+        induced_pu.x = st->emf_V.x / in->vdc_V;
+        induced_pu.y = st->emf_V.y / in->vdc_V;
+        emf_pu = &induced_pu;
     }
     st->sector = (uint16_t)((winding == HT_WINDING_30) ? ht_sector(st->decided.psi_Wb)
                                                        : ht_sector_of_six(st->decided.psi_Wb));
@@ -455,9 +460,9 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     }
     if (build && !(caught && cfg->shadow)) {
         p = build_step(cfg, st, in, winding, i.ab, caught ? &step_Wb : NULL, s);
-    } else if (caught || lost || !vector_step(cfg, st, in, i.xy, magnets ? &emf_pu : NULL, s, &p)) {
+    } else if (caught || lost || !vector_step(cfg, st, in, i.xy, emf_pu, s, &p)) {
         if (!caught) {
-            v = wanted_pu(cfg, st, in, i, lost, magnets);
+            v = wanted_pu(cfg, st, in, i, emf_pu, lost, magnets);
         }
         modulate(cfg, st, in, winding, v, out);
         return;
@@ -513,8 +518,7 @@ HT_SELDOM HT_WITH_CALLED static void special_step(const ht_control_config *cfg,
                                                   bool build, bool caught, ht_compare *out)
 {
     bool magnets = cfg->observer.magnets;
-    bool lost = !magnets && (st->lost.axes != 0u);
-    step(cfg, st, in, build, lost, magnets, caught, cfg->observer.winding, out);
+    step(cfg, st, in, build, st->lost.axes != 0u, magnets, caught, cfg->observer.winding, out);
 }
 
 void ht_control_catch(const ht_control_config *cfg, ht_control_state *st,

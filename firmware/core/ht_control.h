@@ -131,6 +131,9 @@ void ht_control_configure(ht_control_config *cfg, const ht_law_setting *given);
 /** Largest mean voltage of the scheme, units of Vdc, of a configuration that is checked. */
 float ht_control_reach_pu(const ht_control_config *cfg);
 
+/** The same of a drive without some of its legs: a set that has all of its own must make it. */
+float ht_control_left_pu(const ht_control_config *cfg);
+
 /** Check a configuration; `ht_control_step` relies on it. */
 ht_config_status ht_control_check(const ht_control_config *cfg);
 

@@ -140,6 +140,26 @@ float ht_control_reach_pu(const ht_control_config *cfg)
     return reach_pu;
 }
 
+float ht_control_left_pu(const ht_control_config *cfg)
+{
+    float left_pu = ht_control_reach_pu(cfg);
+    switch (cfg->law) {
+#define HT_VECTOR_LAW(id, law)                             \
+    case HT_LAW_##id:                                      \
+        left_pu = ht_##law##_law_left_pu(&cfg->law##_law); \
+        break;
+#define HT_VOLTAGE_LAW(id, law)
+#define HT_PATTERN_LAW HT_VOLTAGE_LAW
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
+#undef HT_PATTERN_LAW
+    default:
+        break;
+    }
+    return (left_pu < HT_REACH_ALIKE_PU) ? left_pu : HT_REACH_ALIKE_PU;
+}
+
 ht_config_status ht_control_check(const ht_control_config *cfg)
 {
     if (ht_scheme_describe((uint16_t)cfg->scheme) == NULL) {

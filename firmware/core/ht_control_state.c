@@ -65,8 +65,7 @@ void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const 
 
 bool ht_control_can_lose(const ht_control_config *cfg)
 {
-    /* With magnets what the legs must make also depends on what the magnets induce in x-y. */
-    return cfg->shadow && cfg->predict && !cfg->observer.magnets;
+    return cfg->shadow && cfg->predict;
 }
 
 uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs,

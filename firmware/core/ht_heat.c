@@ -24,7 +24,7 @@ static void begin(ht_heat_state *st)
     st->told = 0.0f;
 }
 
-/* The low passes are the fast interrupt's. */
+/* The low passes are not the model's. */
 static void cool(ht_heat_state *st)
 {
     int leg;
@@ -43,8 +43,15 @@ void ht_heat_reset(ht_heat_state *st)
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
         st->square_A2[leg] = 0.0f;
+        st->more_A2[leg] = 0.0f;
     }
     cool(st);
+}
+
+float ht_heat_square_A2(const ht_heat_state *st, int leg)
+{
+    float sum_A2 = st->square_A2[leg] + st->more_A2[leg];
+    return (sum_A2 > 0.0f) ? sum_A2 : 0.0f;
 }
 
 static float ohm_per_K(const ht_heat_config *cfg, const ht_heat_state *st)
@@ -70,8 +77,9 @@ static float shown_K(const ht_heat_state *st)
     float sum = 0.0f;
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
-        squares_A2 += st->square_A2[leg];
-        sum += st->square_A2[leg] * st->rise_K[leg];
+        float square_A2 = ht_heat_square_A2(st, leg);
+        squares_A2 += square_A2;
+        sum += square_A2 * st->rise_K[leg];
     }
     return (squares_A2 > 0.0f) ? (sum / squares_A2) : 0.0f;
 }
@@ -170,7 +178,7 @@ void ht_heat_step(const ht_heat_config *cfg, ht_heat_state *st, bool powered, fl
     if (powered) {
         int leg;
         for (leg = 0; leg < HT_LEGS; leg++) {
-            st->sum_A2[leg] += st->square_A2[leg];
+            st->sum_A2[leg] += ht_heat_square_A2(st, leg);
         }
         st->frame_sum_W += frame_W;
     }

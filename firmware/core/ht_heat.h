@@ -41,7 +41,9 @@
 enum { HT_RS_TELLS_NOTHING = 0, HT_RS_TELLS_TEMPERATURE = 1, HT_RS_TELLS_RESISTANCE = 2 };
 
 typedef struct {
-    float look_gain;      /**< low pass of a squared current, per look at it */
+    float look_gain;      /**< low pass of a squared sample, per sample */
+    float more_gain;      /**< low pass of what the mean is more, per look; 0: none is needed */
+    float look_turns;     /**< looks begin up to so many turns of the samples apart, at random */
     float steps;          /**< slow interrupts for a step; 0: heat is not watched */
     float per_W_K;        /**< what a watt in a part heats it by in a step */
     float to_frame;       /**< share of its rise above the frame that a part loses in a step */
@@ -60,7 +62,8 @@ typedef struct {
 } ht_heat_config;
 
 typedef struct {
-    float square_A2[HT_LEGS]; /**< the fast interrupt's: low pass of each squared current */
+    float square_A2[HT_LEGS]; /**< the fast interrupt's: low pass of each squared sample */
+    float more_A2[HT_LEGS];   /**< low pass of what the mean over a period is more (ht_look.h) */
     float sum_A2[HT_LEGS];    /**< since the latest step */
     float frame_sum_W;
     float summed; /**< slow interrupts since then */
@@ -72,6 +75,9 @@ typedef struct {
     float telling;   /**< slow interrupts without a break for which it could */
     bool measured;   /**< a sensor has told its temperature */
 } ht_heat_state;
+
+/** Mean square of a leg's current. */
+float ht_heat_square_A2(const ht_heat_state *st, int leg);
 
 /** A cold machine. */
 void ht_heat_reset(ht_heat_state *st);

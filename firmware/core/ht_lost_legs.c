@@ -168,7 +168,12 @@ ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *
     ht_vsd v = v_pu;
     float phase[2];    /* a.v_ab - b.v_xy, along and across */
     float terminal[2]; /* voltage of the lost leg's terminal */
+    ht_xy emf = {0.0f, 0.0f};
     uint16_t n;
+    if (machine->magnets) {
+        emf.x = inv_vdc * in->emf_V.x;
+        emf.y = inv_vdc * in->emf_V.y;
+    }
     phase[1] = along(lost->axis[1].a, v_pu.ab) - along_xy(lost->axis[1].b, v_pu.xy);
     for (n = 0u; n < lost->axes; n++) {
         const ht_lost_axis *x = &lost->axis[n];
@@ -176,6 +181,7 @@ ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *
         float i = per_ohm * along(x->a, leaks);
         float drop = in->rs_ohm * i;
         float more = drop + 2.0f * x->more_ohm * i;
+        more -= along_xy(x->b, emf);
         phase[n] = ht_limited(law + kappa * (law - drop - along(x->a, moves)) + more, MOST_PU);
         terminal[n] = 2.0f * law - phase[n];
     }

@@ -10,8 +10,11 @@
  *  does not depend on it. Along a the machine has twice the resistance, and the x-y inductance in
  *  series with the transient one:
  *
- *    w = 2 R a.i + d(a.psi)/dt + L_xy d(a.i)/dt
+ *    w = 2 R a.i + d(a.psi)/dt + L_xy d(a.i)/dt - b.e
  *
+ *  where e is what magnets induce in x-y: the functions take v_xy less e for v_xy. The current along a
+ *  follows the flux through sigma L_s, which magnets have for L_q. Where L_d is less, that is exact while the
+ *  flux along the magnets stays as it is.
  *  R is that of the other set than the leg's: along a it carries all of the current. Across these
  *  directions nothing has changed. All this holds in every winding. Such a pair (a, b) is an axis here. One lost leg is
  *  one axis; two legs that are 90 degrees apart, or a whole set, are two. On one axis the x-y
@@ -52,8 +55,8 @@ void ht_lost_legs_differ(ht_lost_legs *lost, float set2_ohm);
 uint16_t ht_lost_legs_paired(ht_winding winding, uint16_t legs);
 
 /** Voltage that really acts. `v_V`: mean of a period as the pattern makes it, with any voltage of the
- *  lost legs; `from` and `to`: x-y currents at the period's ends. These show the voltage along b,
- *  because the machine induces none in x-y, also where the diodes of a lost leg conduct. */
+ *  lost legs, less what magnets induce; `from` and `to`: x-y currents at the period's ends. These show the voltage along b,
+ *  because a winding induces none in x-y, also where the diodes of a lost leg conduct. */
 ht_vsd ht_lost_legs_voltage(const ht_lost_legs *lost, const ht_observer_config *machine,
                             float rs_ohm, ht_vsd v_V, ht_xy from, ht_xy to);
 

@@ -13,6 +13,8 @@
  * virtual vector. Small: the whole length. */
 static const float without_legs[HT_GROUPS] = {0.776457f, 0.928203f, 1.0f, 0.75f, 0.75f};
 
+#define COS_15 0.965925826f
+
 /* Reach of the table 45/135, relative to 75/105. To hold the flux, the vectors before and behind
  * it take turns. Their mean lies on the chord between them, which is cos 45 degrees of their
  * length away from the centre, or cos 15 degrees with the table 75/105, the vectors' circle. */
@@ -54,6 +56,13 @@ void ht_table_law_configure(ht_table_law_config *cfg, const ht_law_setting *give
 float ht_table_law_reach_pu(const ht_table_law_config *cfg, float reach_pu)
 {
     return (cfg->table == HT_TABLE_45_135) ? (WIDE_TABLE_REACH * reach_pu) : reach_pu;
+}
+
+float ht_table_law_left_pu(const ht_table_law_config *cfg)
+{
+    ht_ab whole = ht_vector[ht_group[cfg->group][0]].ab;
+    float size = sqrtf(whole.alpha * whole.alpha + whole.beta * whole.beta);
+    return ht_table_law_reach_pu(cfg, COS_15 * without_legs[cfg->group] * size);
 }
 
 bool ht_table_law_check(const ht_table_law_config *cfg)

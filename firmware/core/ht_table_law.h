@@ -49,6 +49,9 @@ void ht_table_law_configure(ht_table_law_config *cfg, const ht_law_setting *give
 /** Largest mean voltage, units of Vdc, of a scheme with `reach_pu` in its row. */
 float ht_table_law_reach_pu(const ht_table_law_config *cfg, float reach_pu);
 
+/** The same of a drive without some of its legs. */
+float ht_table_law_left_pu(const ht_table_law_config *cfg);
+
 /** True if the law can work with `cfg`. */
 bool ht_table_law_check(const ht_table_law_config *cfg);
 

@@ -397,7 +397,6 @@ static void promise_observe(const ht_control_config *cfg, ht_control_state *st,
 {
     MUST((unsigned)winding < HT_WINDINGS);
     MUST(is_state(cfg, st));
-    MUST(!(lost && magnets));
     if (cfg->shadow) {
         st->active = st->next;
     }
@@ -477,7 +476,7 @@ void prove_control_observe(void)
     MUST(is_same_pattern(&st.next, &next));
 }
 
-/* What the step is asked for. LOST: without one leg or more. */
+/* What the step is asked for. LOST: without one leg or more, with magnets or without. */
 typedef enum { RUNS, BUILDS, LOST, MAGNETS } the_case;
 
 static void step_of(the_case which, ht_law law, bool shadow, ht_winding winding)
@@ -491,14 +490,14 @@ static void step_of(the_case which, ht_law law, bool shadow, ht_winding winding)
     cfg.law = law;
     cfg.shadow = shadow;
     any_step(&cfg, &st, &in);
-    cfg.observer.magnets = which == MAGNETS;
+    cfg.observer.magnets = (which == MAGNETS) || ((which == LOST) && nondet_bool());
     cfg.observer.winding = winding;
     cfg.patterns = law == HT_LAW_INTERLEAVED;
-    cfg.special = cfg.patterns || (which == MAGNETS) || (winding != HT_WINDING_30);
+    cfg.special = cfg.patterns || cfg.observer.magnets || (winding != HT_WINDING_30);
     GIVEN(leg < 6u);
     if (which == LOST) {
         GIVEN(st.lost.axes != 0u);
-    } else if (which == RUNS) {
+    } else if (which != BUILDS) {
         st.lost.axes = 0u;
     } else {
         /* any: the step does not depend on it */

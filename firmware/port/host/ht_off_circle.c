@@ -19,6 +19,6 @@ float ht_off_circle(const ht_port *port, const ht_params *p, ht_ab psi_Wb, ht_ab
     config.protect.magnetise_A_Wb = 0.0f;
     control.estimate.psi_Wb = psi_Wb;
     control.observer.i_A = i_A;
-    (void)ht_protect_slow(&config.protect, &state, &control, 0.0f, 0.0f);
+    (void)ht_protect_slow(&config.protect, &state, &control, 0.0f);
     return sqrtf(state.circle2);
 }

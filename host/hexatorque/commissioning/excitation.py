@@ -67,6 +67,13 @@ def frame(displacement_deg: float) -> Frame:
 FRAME = Frame(TRANSFORM, INVERSE)
 
 
+def frame_of(drive: DriveVerbs) -> Frame:
+    """Of the drive's winding, by its parameters. An old firmware has one winding only."""
+    if "displacement_deg" not in drive.params:
+        return FRAME
+    return frame(float(drive.get("displacement_deg")))
+
+
 @dataclass(frozen=True)
 class Samples:
     """Currents at n samples, and the voltages between them."""
@@ -95,8 +102,7 @@ class Excitation:
         drive = self.drive
         self._before = {name: drive.get(name) for name in BORROWED}
         self.f_isr_Hz = float(drive.get("f_isr_Hz"))
-        if "displacement_deg" in drive.params:
-            self.frame = frame(float(drive.get("displacement_deg")))
+        self.frame = frame_of(drive)
         shadow = drive.get("load_mode") == "shadow"
         self._delay = 1 if shadow else 0
         late_pu = 0.0 if shadow else 1e-6 * float(drive.get("write_delay_us")) * self.f_isr_Hz

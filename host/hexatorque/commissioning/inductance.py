@@ -18,8 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..plant.vsd import INVERSE, TRANSFORM
-from .excitation import CommissioningError, Excitation, Samples, half_wave_Hz
+from .excitation import CommissioningError, Excitation, Frame, Samples, half_wave_Hz
 from .regression import AXIS_GAIN, MEAN_GAIN, Value, linear, mean
 from .resistance import Resistance
 
@@ -247,7 +246,7 @@ def phases(waves: list[Samples], resistance: Resistance) -> tuple[Value, ...]:
     spread = np.array([[value.uncertainty for value in values] for values in fits])
     inductance = np.linalg.inv(0.5 * (per_H + per_H.T))
     error_H = np.sqrt((inductance**2) @ (spread**2) @ (inductance**2))
-    return _phases(inductance, float(np.diag(error_H).max()))
+    return _phases(inductance, float(np.diag(error_H).max()), waves[0].frame)
 
 
 def _effective(wave: Samples, resistance: Resistance) -> tuple[np.ndarray, np.ndarray]:
@@ -255,19 +254,20 @@ def _effective(wave: Samples, resistance: Resistance) -> tuple[np.ndarray, np.nd
     (n, 4), where no edge is near."""
     middle_A = 0.5 * (wave.i_A[1:] + wave.i_A[:-1])
     ohm = np.array([value.value for value in resistance.rs_ohm])
-    legs_V = wave.v_V @ INVERSE.T - ohm * middle_A - resistance.of_legs(middle_A)
-    slope = np.diff(wave.i_A, axis=0) @ TRANSFORM.T / wave.dt_s
+    plane, inverse, _ = wave.frame
+    legs_V = wave.v_V @ inverse.T - ohm * middle_A - resistance.of_legs(middle_A)
+    slope = np.diff(wave.i_A, axis=0) @ plane.T / wave.dt_s
     steady = np.zeros(len(slope), bool)
     same = (np.abs(np.diff(wave.v_V, axis=0)).max(1) < 1e-9) & (np.abs(wave.v_V[1:]).max(1) > 0)
     steady[1:] = same
-    return (legs_V @ TRANSFORM.T)[steady], slope[steady]
+    return (legs_V @ plane.T)[steady], slope[steady]
 
 
-def _phases(inductance: np.ndarray, error_H: float) -> tuple[Value, ...]:
+def _phases(inductance: np.ndarray, error_H: float, frame: Frame) -> tuple[Value, ...]:
     """Split the matrix of the four axes into the planes' inductances and the phases' differences,
     whose sum is 0. Returns these."""
     columns = [np.diag([1.0, 1, 0, 0]), np.diag([0.0, 0, 1, 1])]
-    columns += [np.outer(TRANSFORM[:, k], INVERSE[k]) for k in range(6)]
+    columns += [np.outer(frame.transform[:, k], frame.inverse[k]) for k in range(6)]
     a = np.array([c.ravel() for c in columns]).T
     a = np.vstack([a, [0, 0, 1, 1, 1, 1, 1, 1]])
     target = np.append(inductance.ravel(), 0.0)

@@ -34,7 +34,7 @@ class Kind(NamedTuple):
         return [step for step in self.steps if step in wanted]
 
 
-_WIRING = {"wiring": "sensors and motor leads"}
+_WIRING = {"wiring": "sensors, motor leads and the angle between the sets"}
 _RESISTANCE = {"resistance": "R_s of each phase, dead time and device drops"}
 _MECHANICS = {"mechanics": "inertia, friction and load: the drive accelerates, brakes, then coasts"}
 _STANDSTILL = ("wiring", "resistance", "inductance")
@@ -64,7 +64,7 @@ INDUCTION = Kind(
 MAGNET = Kind(
     "magnet",
     {
-        "wiring": "sensors, motor leads and the angle between the sets",
+        **_WIRING,
         **_RESISTANCE,
         "alignment": "the encoder's direction, counts and zero: direct current turns the shaft",
         "inductance": "L_d, L_q, L_xy",
@@ -99,13 +99,3 @@ def at_standstill(drive: DriveVerbs, limits: Limits) -> Limits:
         return limits
     most_A = OVER_BUILD * float(drive.get("build_current_A"))
     return replace(limits, current_A=min(limits.current_A, most_A))
-
-
-def check(drive: DriveVerbs) -> None:
-    """CommissioningError if no step measures such a winding."""
-    apart = drive.get("displacement_deg") if "displacement_deg" in drive.params else "30"
-    if kind_of(drive) is INDUCTION and apart != "30":
-        raise CommissioningError(
-            f"displacement_deg = {apart}: with an induction machine these steps measure a winding "
-            "whose sets are 30 degrees apart"
-        )

@@ -5,11 +5,18 @@ The current flows in the x-y plane, which has no rotor: no torque, no flux to wa
 its commanded voltage less `D s(i) + R i`: dead time and the devices' thresholds take D against the
 current's direction, around zero current a share s of it. In a star of three legs only differences
 of their voltages count, and those are linear in the six R and six D.
+
+The x-y plane alone does not tell six R: a direct current along alpha beside it does. Phases that
+differ drive small currents in alpha-beta as well, and until the rotor's flux has followed them it
+takes some of the voltage there. So of the points without a direct current along alpha only the
+voltages in x-y count, which no flux changes; one fit of all points finds all R and D.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,12 +40,25 @@ STILL_ERROR = 0.025
 #: of the current aimed at through the resistance: below what dead time takes there is no current,
 #: and beyond it a low resistance lets much through.
 GROWTH, STEP = 0.3, 0.15
-#: Directions in which the phases are told from each other: no leg's current is near zero. There the
-#: stator's asymmetry drives some current in the alpha-beta plane too, which takes its time.
+#: Directions in which the phases are told from each other: with the braking current no leg's
+#: current is near zero, where the sets are 30 degrees apart and where they are 0 or 60. There the
+#: voltages in alpha-beta count, and so the rotor's flux must have followed.
 PHASE_DIRECTIONS_DEG = (30.0, 90.0, 150.0, 210.0, 270.0, 330.0)
+OTHER_DIRECTIONS_DEG = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0)
 PHASE_TIME_CONSTANTS = 3.0
 #: Meanwhile a direct current along alpha, share of the stated limit, keeps the shaft from moving.
 BRAKE = 0.2
+
+
+class Points(NamedTuple):
+    """Direct voltages (n, 4) and the currents that they drive (n, 6)."""
+
+    v_V: np.ndarray
+    i_A: np.ndarray
+
+    @classmethod
+    def of(cls, points: list[tuple[np.ndarray, np.ndarray]]) -> Points:
+        return cls(*(np.array(part) for part in zip(*points)))
 
 
 @dataclass(frozen=True)
@@ -60,10 +80,10 @@ class Resistance:
 def measure(test: Excitation, xy_per_H: float, slow_s: float) -> Resistance:
     """`xy_per_H`: 1/L_xy, roughly, from the wiring check; `slow_s`: the machine's slow time
     constant, roughly: L_m/R_s + L_m/R_r."""
-    found, settle_s = _in_xy(test, xy_per_H)
-    phases = _phases(test, found, PHASE_TIME_CONSTANTS * slow_s)
+    found, points, settle_s = _in_xy(test, xy_per_H)
+    braked = _braked(test, found, PHASE_TIME_CONSTANTS * slow_s)
     test.rest(settle_s)
-    return phases
+    return with_devices(test, together(points, braked, found, test.frame))
 
 
 def measure_still(test: Excitation, xy_per_H: float, least_per_H: float) -> Resistance:
@@ -72,18 +92,37 @@ def measure_still(test: Excitation, xy_per_H: float, least_per_H: float) -> Resi
     `least_per_H`, settle as well, and the same points tell the phases from each other."""
     drive = test.drive
     dead_s = 1e-6 * float(drive.get("dead_time_us")) * test.f_isr_Hz
-    found, settle_s = _in_xy(test, min(xy_per_H, least_per_H), TREMBLES_S, dead_s * test.vdc_V)
+    least_per_H = min(xy_per_H, least_per_H)
+    found, _, settle_s = _in_xy(test, least_per_H, TREMBLES_S, dead_s * test.vdc_V)
     test.rest(settle_s)
     wide, share = found.mean_ohm.uncertainty, float(np.hypot(PHASE_GAIN, STILL_ERROR))
-    return replace(found, rs_ohm=tuple(v.plus(wide).plus_share(share) for v in found.rs_ohm))
+    phases = tuple(v.plus(wide).plus_share(share) for v in found.rs_ohm)
+    return with_devices(test, replace(found, rs_ohm=phases))
+
+
+def with_devices(test: Excitation, found: Resistance) -> Resistance:
+    """The same with the uncertainty of how switch and diode share a leg's voltage drop. With u and
+    d of them a voltage v makes it (u + d)/2 + (u - d) v/Vdc against the current: the second part
+    looks like a resistance, (u - d)/Vdc of the true one. Neither is negative, so u - d lies within
+    twice their mean, either way."""
+    dead_s = 1e-6 * float(test.drive.get("dead_time_us")) * test.f_isr_Hz
+    drop_V = max(0.0, found.mean_lost_V.value - dead_s * found.vdc_V)
+    share = 2 / math.sqrt(3) * 2 * drop_V / found.vdc_V
+    return replace(
+        found,
+        rs_ohm=tuple(value.plus_share(share) for value in found.rs_ohm),
+        mean_ohm=found.mean_ohm.plus_share(share),
+        lost_V=tuple(value.plus(share * drop_V) for value in found.lost_V),
+        mean_lost_V=found.mean_lost_V.plus(share * drop_V),
+    )
 
 
 def _in_xy(
     test: Excitation, xy_per_H: float, mean_s: float = MEAN_S, dead_V: float = 0.0
-) -> tuple[Resistance, float]:
-    """From direct currents in the x-y plane; and their time to settle. `dead_V`: the voltage that
-    dead time takes, by the parameters. It is not the same share of each leg's voltage: without it
-    some current would flow in alpha-beta and turn a rotor with magnets."""
+) -> tuple[Resistance, Points, float]:
+    """From direct currents in the x-y plane; their points; and their time to settle. `dead_V`: the
+    voltage that dead time takes, by the parameters. It is not the same share of each leg's voltage:
+    without it some current would flow in alpha-beta and turn a rotor with magnets."""
     frame, limit_A = test.frame, test.limits.current_A
     vdc_V = test.vdc_V
     ohm, lost_V = _rough(test, vdc_V, LEVELS[-1] * limit_A, xy_per_H, dead_V)
@@ -97,29 +136,61 @@ def _in_xy(
                 vector = frame.transform @ legs_V
                 currents, _, _ = test.steady(vector, settle_s, mean_s)
                 points.append((vector, currents))
-    v, i = (np.array(part) for part in zip(*points))
-    return solve(v, i, vdc_V, frame), settle_s
+    found = Points.of(points)
+    return solve(*found, vdc_V, frame), found, settle_s
 
 
-def _phases(test: Excitation, found: Resistance, settle_s: float) -> Resistance:
-    """The same with the phases' resistances told from each other."""
+def _braked(test: Excitation, found: Resistance, settle_s: float) -> Points:
+    """Points with a direct current along alpha, whose flux comes first."""
     size_A = MOST * test.limits.current_A
-    transform, inverse, _ = test.frame
+    transform, inverse, apart_deg = test.frame
     brake_A = inverse[:, 0] * BRAKE * test.limits.current_A
-    legs_V, i_A = [], []
-    for degrees in PHASE_DIRECTIONS_DEG:
-        wanted_A = inverse[:, 2:] @ (size_A * _unit(degrees)) + brake_A
-        vector = transform @ (found.mean_ohm.value * wanted_A + found.of_legs(wanted_A))
+
+    def vector_V(wanted_A: np.ndarray) -> np.ndarray:
+        return transform @ (found.mean_ohm.value * wanted_A + found.of_legs(wanted_A))
+
+    test.set(vector_V(brake_A))
+    test.wait(settle_s)
+    points = []
+    for degrees in PHASE_DIRECTIONS_DEG if apart_deg == 30 else OTHER_DIRECTIONS_DEG:
+        vector = vector_V(inverse[:, 2:] @ (size_A * _unit(degrees)) + brake_A)
         currents, _, _ = test.steady(vector, settle_s, MEAN_S)
-        legs_V.append(inverse @ vector - found.of_legs(currents))
-        i_A.append(currents)
-    currents = np.array(i_A)
-    columns = [_in_star(currents, leg).ravel() for leg in range(6)]
-    values, _ = linear(columns, _less_mean(np.array(legs_V)).ravel())
-    # Their mean is known better from the many points of both signs: lost voltages drop out there.
-    wide = found.mean_ohm.uncertainty
-    moved = _about(found.mean_ohm, values)
-    return replace(found, rs_ohm=tuple(value.plus(wide).plus_share(PHASE_GAIN) for value in moved))
+        points.append((vector, currents))
+    return Points.of(points)
+
+
+def together(xy: Points, braked: Points, rough: Resistance, frame: Frame = FRAME) -> Resistance:
+    """All R and D from points in x-y and from points with a direct current along alpha. `rough` has
+    the knee. Unknown are also what grows with the current's square, where a switch and a diode have
+    other resistances, and a voltage in alpha-beta that a flux which still follows the direct
+    current takes."""
+    parts = [_rows(xy, slice(2, 4), rough.knee_A, frame)]
+    parts.append(_rows(braked, slice(0, 4), rough.knee_A, frame))
+    flux = [np.zeros((parts[0].shape[0], 2)), np.tile(np.eye(4, 2), (len(braked.i_A), 1))]
+    rows = np.column_stack([np.vstack(parts), np.vstack(flux)])
+    target = np.concatenate([xy.v_V[:, 2:].ravel(), braked.v_V.ravel()])
+    values, _ = linear(list(rows.T), target)
+    # The same with each six as their mean and five differences from it.
+    for of in (slice(0, 6), slice(6, 12)):
+        six = rows[:, of]
+        rows[:, of] = np.column_stack([six.sum(1), six[:, :5] - six[:, 5:]])
+    means, _ = linear(list(rows.T), target)
+    return replace(
+        rough,
+        rs_ohm=tuple(value.plus_share(PHASE_GAIN) for value in values[:6]),
+        lost_V=tuple(values[6:12]),
+        mean_ohm=means[0].plus_share(MEAN_GAIN),
+        mean_lost_V=means[6],
+    )
+
+
+def _rows(points: Points, axes: slice, knee_A: float, frame: Frame) -> np.ndarray:
+    """The voltages along these axes that six R, six D and the current's square make, (n, 13)."""
+    plane, i_A = frame.transform[axes], points.i_A
+    shape = np.clip(i_A / knee_A, -1, 1)
+    of_legs = np.concatenate([i_A, shape], axis=1)[:, None, :] * np.tile(plane, 2)
+    square = (i_A * np.abs(i_A)) @ plane.T
+    return np.concatenate([of_legs, square[..., None]], axis=2).reshape(-1, 13)
 
 
 def _unit(degrees: float) -> np.ndarray:

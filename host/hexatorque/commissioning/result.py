@@ -20,7 +20,7 @@ from ..setups.to_parameters import parameters
 from .alignment import Alignment
 from .emf import Emf
 from .encoder import Encoder
-from .excitation import BORROWED
+from .excitation import BORROWED, frame_of
 from .inductance import Inductance, Salient
 from .kinds import kind_of
 from .regression import Value
@@ -143,7 +143,8 @@ def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
     machine = {
         "pole_pairs": int(_number(drive, "pole_pairs")),
         "rs_ohm": _measured(rs, note="devices' on-resistance included"),
-        **(_with_magnets(values, drive) if found.emf else _with_winding(found, values)),
+        **(_with_magnets(values) if found.emf else _with_winding(found, values)),
+        **_displacement(drive),
         "lxy_H": _measured(values["lxy_H"]),
         "drs_ohm": _six([v.value - rs.value for v in found.resistance.rs_ohm]),
     }
@@ -199,15 +200,19 @@ def _with_winding(found: Findings, values: Mapping[str, Value]) -> dict[str, obj
     }
 
 
-def _with_magnets(values: Mapping[str, Value], drive: DriveVerbs) -> dict[str, object]:
+def _displacement(drive: DriveVerbs) -> dict[str, object]:
+    """The angle between the sets, where it is not the usual one."""
+    apart = frame_of(drive).displacement_deg
+    return {} if apart == 30 else {"displacement_deg": round(apart)}
+
+
+def _with_magnets(values: Mapping[str, Value]) -> dict[str, object]:
     """And for one with magnets."""
-    apart = int(drive.get("displacement_deg"))
     entries: dict[str, object] = {
         "model": "magnet",
         "psi_f_Wb": _measured(values["psi_f_Wb"]),
         "ld_H": _measured(values["ld_H"]),
         "lq_H": _measured(values["sigma_ls_H"]),
-        **({} if apart == 30 else {"displacement_deg": apart}),
     }
     if "emf5_share" in values:
         for key, unit in (("emf_share", "share"), ("emf_deg", "deg")):

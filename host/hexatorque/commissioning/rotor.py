@@ -21,7 +21,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..plant.vsd import INVERSE, TRANSFORM
 from .excitation import Excitation, Samples
 from .inductance import Inductance
 from .regression import AXIS_GAIN, Value, nonlinear
@@ -70,8 +69,9 @@ def measure(
     which the times follow. They are corrected if they were wrong."""
     current_A = min(current_A, MOST * test.limits.current_A)
     ohm = resistance.mean_ohm.value
-    x_A = INVERSE[:, 2] * BIAS * current_A
-    x_V = TRANSFORM @ (ohm * x_A + resistance.of_legs(x_A))
+    plane, inverse, _ = test.frame
+    x_A = inverse[:, 2] * BIAS * current_A
+    x_V = plane @ (ohm * x_A + resistance.of_legs(x_A))
     alpha_V = np.array([ohm * current_A, 0, 0, 0])
     rr, lm = guess
     while True:
@@ -79,7 +79,7 @@ def measure(
         time_s = min(LONGEST_S, TIME_CONSTANTS * slow_s)
         before_A, _, samples = test.steady(x_V + alpha_V, SETTLE * time_s, MEAN_S)
         step = test.pulse(x_V - alpha_V, "square", 0.0, time_s, SAMPLES)
-        first = float(TRANSFORM[0] @ before_A), samples
+        first = float(plane[0] @ before_A), samples
         found = solve(step, first, 2 * alpha_V[0], ohm, inductance.sigma_ls_H.value, (rr, lm))
         rr, lm = found.rr_ohm.value, found.lm_H.value
         if lm / ohm + lm / rr < 1.5 * slow_s or time_s == LONGEST_S:

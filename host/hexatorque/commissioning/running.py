@@ -16,9 +16,9 @@ import numpy as np
 from ..drive.interface import DriveVerbs
 from ..errors import HexatorqueError
 from ..firmware import RUN
-from ..plant.vsd import PHASES, TRANSFORM
+from ..plant.vsd import PHASES
 from ..setups.design import VECTOR_PU
-from .excitation import CommissioningError, Limits
+from .excitation import CommissioningError, Limits, frame_of
 from .regression import MEAN_GAIN, Value, linear
 
 CURRENTS = tuple(f"i_{phase}_A" for phase in PHASES)
@@ -239,7 +239,8 @@ def _flux_and_inductance(drive: DriveVerbs, sigma_ls_H: float) -> tuple[float, f
     found = drive.capture(
         (*CURRENTS, "psi_alpha_Wb", "psi_beta_Wb"), 2000, prescaler=2, timeout_s=9
     )
-    i = np.column_stack([found[name] for name in CURRENTS]).astype(float) @ TRANSFORM[:2].T
+    plane = frame_of(drive).transform[:2]
+    i = np.column_stack([found[name] for name in CURRENTS]).astype(float) @ plane.T
     psi = np.column_stack([found["psi_alpha_Wb"], found["psi_beta_Wb"]]).astype(float)
     size = np.hypot(*psi.T)
     along_A = (psi * i).sum(1) / size

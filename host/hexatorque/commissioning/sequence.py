@@ -55,7 +55,6 @@ def commission(
     each result, `end` after each step. `pause`: the gates are off while `begin` is called, which
     may take as long as it likes."""
     kind = kind_of(drive)
-    kinds.check(drive)
     steps = kind.with_needs(tuple(kind.steps) if steps is None else steps)
     _check_limits(drive, limits)
     found = Findings()

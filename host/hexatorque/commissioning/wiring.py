@@ -88,9 +88,10 @@ class Wiring:
 
 def check(test: Excitation) -> Wiring:
     """Sensors and leads; if they seem right, also whether the planes are exchanged."""
-    found = _decided(test, _SHAPES)
+    own = shapes(test.frame)
+    found = _other_winding(test, _decided(test, own), own, False)
     if not found.mistakes and exchanged(test, found):
-        swapped = _words(_other_planes(found.response_per_H, _SHAPES))
+        swapped = _words(_other_planes(found.response_per_H, own))
         return replace(found, mistakes=swapped)
     return found
 
@@ -98,28 +99,34 @@ def check(test: Excitation) -> Wiring:
 def check_magnets(test: Excitation) -> Wiring:
     """The same of a machine whose rotor has magnets and may be salient; and the angle between its
     sets. The plane with the rotor conducts less: without its own leakage path, the air gap."""
-    own = test.frame
-    believed = shapes(own, True)
-    found = _decided(test, believed)
-    response = found.response_per_H
-    if not without_current(response):
-        left = {deg: _straight(response, frame(deg)) for deg in DISPLACEMENTS_DEG}
-        best = min(left, key=lambda deg: left[deg])
-        other_leads = float(fit(response, np.arange(6), believed).unexplained.min())
-        if left[best] < min(UNEXPLAINED, BETTER * other_leads):
-            line = (
-                f"winding: its sets are {best:g} degrees apart, displacement_deg says "
-                f"{own.displacement_deg:g}: set displacement_deg = {best:g}"
-            )
-            return replace(found, mistakes=(line,))
+    own = shapes(test.frame, True)
+    found = _other_winding(test, _decided(test, own), own, True)
     if not found.mistakes and found.ab_per_H > found.xy_per_H:
-        return replace(found, mistakes=_words(_other_planes(response, believed)))
+        return replace(found, mistakes=_words(_other_planes(found.response_per_H, own)))
     return found
 
 
-def _straight(response: np.ndarray, winding: Frame) -> float:
-    """The unexplained share of right leads of a winding with magnets."""
-    return float(fit(response, np.arange(6), shapes(winding, True), ORDERS[:1]).unexplained[0])
+def _other_winding(test: Excitation, found: Wiring, own: list[np.ndarray], salient: bool) -> Wiring:
+    """The angle between the sets as the only mistake, if right leads with another one explain more
+    than any order of the leads with the drive's."""
+    response = found.response_per_H
+    if without_current(response):
+        return found
+    left = {deg: _straight(response, frame(deg), salient) for deg in DISPLACEMENTS_DEG}
+    best = min(left, key=lambda deg: left[deg])
+    other_leads = float(fit(response, np.arange(6), own).unexplained.min())
+    if left[best] >= min(UNEXPLAINED, BETTER * other_leads):
+        return found
+    line = (
+        f"winding: its sets are {best:g} degrees apart, displacement_deg says "
+        f"{test.frame.displacement_deg:g}: set displacement_deg = {best:g}"
+    )
+    return replace(found, mistakes=(line,))
+
+
+def _straight(response: np.ndarray, winding: Frame, salient: bool) -> float:
+    """The unexplained share of right leads of a winding."""
+    return float(fit(response, np.arange(6), shapes(winding, salient), ORDERS[:1]).unexplained[0])
 
 
 def _decided(test: Excitation, parts: list[np.ndarray]) -> Wiring:

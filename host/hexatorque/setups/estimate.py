@@ -49,7 +49,8 @@ PRODUCT_NEAR, SLIP_NEAR = 1.35, 4.0
 PRODUCT = 0.75
 #: Ohms below which no voltage over its current is: the plate's two are then exchanged.
 LEAST_OHM = 0.1
-#: Share of the machines that the inertia's range is to hold: some sources include a load.
+#: Share of the machines that the ranges of inertia and speed are to hold: some sources include a
+#: load.
 INERTIA_HELD = 0.9
 RANGED = ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H", "flux_Wb")
 
@@ -324,10 +325,13 @@ def spread_of(known: Sequence[Machine]) -> Spread:
         name: {told: factor_of(ratios) for told, ratios in by_told.items()}
         for name, by_told in found.items()
     }
-    inertia, speed = (
-        factor_of(errors_of(known), INERTIA_HELD) for errors_of in (inertia_errors, speed_errors)
-    )
-    return Spread(factors, inertia, speed)
+    return Spread(factors, next_within(inertia_errors(known)), next_within(speed_errors(known)))
+
+
+def next_within(errors: Sequence[float]) -> float:
+    """The factor of a range that holds one machine more: with the probability k/(n + 1) it is
+    within the k-th of n errors in the order of their size."""
+    return factor_of(errors, min(1.0, INERTIA_HELD * (1 + 1 / len(errors))))
 
 
 def inertia_errors(known: Sequence[Machine]) -> list[float]:

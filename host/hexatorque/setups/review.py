@@ -431,12 +431,17 @@ def _or_profile(d: Design, link_V: float) -> str:
     return "" if link_V == d.vdc_V else f", or change profile.vdc_V = {link_V:g} V"
 
 
-def _rated_degC(d: Design) -> float:
-    """Temperature of the winding at which its losses at rated current settle, as the controller is
-    told them; the rotor's are about as much as the slip takes of the torque."""
+#: Direct current of the amplitude heats a phase so many times as much as alternating current.
+STANDING = 2.0
+
+
+def _rated_degC(d: Design, share: float = 1.0) -> float:
+    """Temperature of the phase with this `share` of the mean loss at which the losses at rated
+    current settle, as the controller is told them; the rotor's are about as much as the slip takes
+    of the torque."""
     p = d.parameter
     ambient_W, W_per_K = _rated_copper(d)
-    both_K_W = p("winding_K_W") + p("frame_K_W")
+    both_K_W = share * p("winding_K_W") + p("frame_K_W")
     grows = W_per_K * both_K_W
     if grows >= 1:
         return math.inf
@@ -497,6 +502,13 @@ def _fits(d: Design) -> Iterator[Finding]:
             "the drive will not keep its rated current: lower controller.winding_K_W or frame_K_W, "
             "or raise winding_limit_degC", "note",
         )  # fmt: skip
+        if d.magnets:
+            yield at_most(
+                "phase that stands at the amplitude of rated current, in the end",
+                _rated_degC(d, STANDING), p("winding_limit_degC"), "degC",
+                "the drive will not hold rated torque at a standstill: lower "
+                "controller.winding_K_W, or raise winding_limit_degC", "note",
+            )  # fmt: skip
     yield at_least(
         "flux_trip_Wb", p("flux_trip_Wb"), 1.2 * d.flux_Wb, "Wb",
         "raise controller.flux_trip_Wb above flux_ref_Wb",
@@ -1020,6 +1032,27 @@ def _expected(d: Design, f_sw_Hz: float) -> Iterator[Finding]:
         yield _told("inverter's switching losses at rated torque, about", switching_W, "W")
 
 
+def _without_leg(d: Design, controller: Controller) -> Iterator[Finding]:
+    """The torque with which magnets go on: there is less current, and at speed less voltage."""
+    from .. import firmware
+
+    if not d.magnets or d.parameter("ride_through") == "off":
+        return
+    lib, config = firmware.lib, controller.drive.config
+    lost = firmware.ffi.new("ht_lost_legs *")
+    lib.ht_lost_legs_of(config.control.observer.winding, 1, lost)
+    omega = d.machine.pole_pairs * rad_s(d.rated_rpm)
+    most_A = lib.ht_derated_A(lost, config.derating.rated_A)
+    left_V = lib.ht_derated_V(
+        firmware.ffi.addressof(config.derating), d.vdc_V, d.machine.rs_ohm, omega, most_A
+    )
+    yield at_least(
+        "torque left at rated speed without a phase",
+        d.machine.most_torque_Nm(omega, d.flux_Wb, left_V, most_A, PULL_OUT_SHARE), d.rated_Nm,
+        "N m", "a drive that goes on without one takes no more load", "note",
+    )  # fmt: skip
+
+
 def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
     """The mean torque where schemes are compared. A law without comparators predicts the flux that
     has the torque asked for: its mean is the reference."""
@@ -1036,6 +1069,7 @@ def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
         controller = firmware.Controller(own["timing.device"], parameters(own))
     except (SetupError, firmware.FirmwareError):
         return  # what is wrong is said elsewhere
+    yield from _without_leg(d, controller)
     if modulated:
         changed = of_modulator(d, controller, speed_rpm, asked_Nm, CHANGED)
         yield from _of_pulses(d, controller, changed, where)

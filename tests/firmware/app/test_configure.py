@@ -132,19 +132,10 @@ def test_the_checks_know_the_machine(v):
         "rotor_gain": slow_s / (slow_s + v["lr_H"] / v["rr_ohm"] / 30),
         # r falls behind by tau dr/dt, and L_r/R_r dr/dt needs (1 - sigma) L_s times that current.
         "magnetise_A_Wb": 30 / (ls_H - v["sigma_ls_H"]),
-        # The encoder's mean is half a slow period old, the flux's speed 5 ms.
-        "estimate_back": 0.5 - 0.005 / slow_s,
-        # The low pass of the flux's speed, 5 ms, at a slow interrupt.
-        "short_gain": min(1.0, 1 / (0.5 + 0.005 / slow_s)),
+        "slow_Hz": 1 / slow_s,
+        "slow_turns_s": slow_s / (2 * np.pi),
     }
     assert {name: found[name] for name in wanted} == pytest.approx(wanted, rel=1e-5)
-
-
-def test_an_estimate_that_is_older_than_the_encoder_is_put_forward():
-    """At 1 kHz the flux's speed is 5 ms old and the encoder's 0.5 ms: 4.5 slow periods."""
-    made, _ = control(f_slow_Hz=1000.0)
-    assert made.drive.config.protect.estimate_back == pytest.approx(-4.5)
-    assert made.drive.config.protect.short_gain == pytest.approx(1 / 5.5)
 
 
 @pytest.mark.parametrize("v", DRIVES)

@@ -180,3 +180,22 @@ def test_current_without_one_leg(derating, leg, share, expected):
 def test_current_without_a_set(derating, word):
     """The other set makes the whole current in alpha-beta: twice its share."""
     assert lib.ht_derated_A(lost(word), derating.rated_A) == pytest.approx(np.sqrt(2) * RATED_A / 2)
+
+
+@pytest.mark.parametrize("scheme, size_pu", [
+    # A set that has its legs makes this circle; the tables have vectors of Vdc/2, of ddr-ml shorter
+    # ones, whose mean lies on the chord between two that are 30 degrees apart.
+    ("db-dtfc", 1 / np.sqrt(3)), ("foc", 1 / np.sqrt(3)),
+    ("dtc1", 0.5 * np.cos(np.pi / 12)), ("ddr", 0.5 * np.cos(np.pi / 12)),
+    ("ddr-ml", 0.4375 * np.cos(np.pi / 12)),
+])  # fmt: skip
+def test_the_voltage_that_is_left_to_turn_the_flux(scheme, size_pu):
+    """R_s and L_xy take theirs of the current along the lost leg's axis once more."""
+    values = MACHINE | {"scheme": scheme, "fw_margin": 0.9, "lxy_H": 0.01, "table": "75/105"}
+    config = ffi.new("ht_derating_config *")
+    config[0] = Controller("f28335", values).drive.config.derating
+    whole_V = 0.9 * size_pu * 250.0
+    assert lib.ht_derated_V(config, 250.0, 1.8, 300.0, 0.0) == pytest.approx(whole_V, rel=2e-3)
+    left_V = lib.ht_derated_V(config, 250.0, 1.8, -300.0, 4.0)
+    assert left_V == pytest.approx(whole_V - 4.0 * abs(1.8 + 3.0j), rel=2e-3)
+    assert lib.ht_derated_V(config, 250.0, 1.8, 300.0, 1e3) == 0.0

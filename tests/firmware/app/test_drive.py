@@ -1458,11 +1458,10 @@ def test_the_protection_limits_follow_from_the_parameters(bench):
 
 @pytest.mark.parametrize("f", (10.0, 40.0, 100.0, 500.0))
 def test_the_filters_of_the_protection_keep_their_times_at_any_slow_frequency(bench, f):
-    """Low-passes of 0.2 s and 50 ms. The mean lags by half a period, the filter of the flux's speed
-    by 5 ms."""
+    """Low-passes of 0.2 s and 50 ms."""
     bench.controller.set("f_slow_Hz", f)
     c = bench.drive.config.protect
-    assert c.estimate_back == pytest.approx(0.5 - 0.005 * f, abs=1e-6)
+    assert c.slow_Hz == f and c.slow_turns_s == pytest.approx(0.5 / np.pi / f)
     for gain, seconds in ((c.flux_gain, 0.2), (c.encoder_gain, 0.05)):
         assert gain / (1 - gain) == pytest.approx(1 / (seconds * f), rel=1e-4)
 

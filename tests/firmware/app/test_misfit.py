@@ -69,8 +69,14 @@ CASES = {
         "speed_trip_rpm = 6000 r/min, psi_f_Wb = 0.2 Wb: with magnets no current may flow",
     ),
     "MAGNET_LEGS": (
-        {**MAGNET, "ride_through": "least-loss", "i_rated_A": 5.0},
-        "ride_through = least-loss, machine = magnet: with magnets a drive cannot go on",
+        {
+            **MAGNET,
+            "scheme": "db-dtfc",
+            "lost_legs": 32,
+            "ride_through": "least-loss",
+            "i_rated_A": 5.0,
+        },
+        "lost_legs = 32, machine = magnet: with magnets a drive cannot start without a leg",
     ),
     "XY_STEP": (
         {**MAGNET, "scheme": "dtc2", "lxy_H": 5e-4},
@@ -198,6 +204,16 @@ CASES = {
         {"quick_stop_rpm_s": 500.0, "ramp_down_rpm_s": 1000.0, "speed_trip_rpm": 6000.0},
         "stop_s = 10 s, quick_stop_rpm_s = 500 r/min/s: allowed is 12 s and more: a quick stop",
     ),
+    "RIDE_SHORT": (
+        {
+            **MAGNET,
+            "trip_state": "short-circuit",
+            "magnets_bear_A": 25.0,
+            "ride_through": "least-loss",
+            "i_rated_A": 5.0,
+        },
+        "ride_through = least-loss, trip_state = short-circuit: a short circuit brakes with all",
+    ),
 }
 
 
@@ -283,8 +299,6 @@ MORE = {
         {"displacement_deg": "0", "scheme": "db-dtfc", "carrier_turn": "always"},
         {"displacement_deg": "60", "scheme": "db-dtfc", "carrier_turn": "always"},
     ],
-    "MAGNET_LEGS": [{**MAGNET, "scheme": "db-dtfc", "lost_legs": 32, "ride_through": "least-loss",
-                     "i_rated_A": 5.0}],
     "HEAT_RS": [
         {"rs_tells": "resistance", "adapt_s": 0.0},
         {**MAGNET, "rs_tells": "resistance"},

@@ -1,7 +1,7 @@
 """ht_lost_legs against a circuit that knows nothing of its axes: the six legs drive the currents of
 alpha-beta through sigma L_s, against a rotor flux that turns, and those of x-y through L_xy. Each
 phase has its resistance; that of set 2 may be larger. The terminal of a lost leg takes the voltage
-that keeps its current at zero.
+that keeps its current at zero. Magnets may induce a fifth harmonic in x-y.
 """
 
 import itertools
@@ -36,8 +36,13 @@ def legs_of(mask):
     return [leg for leg in range(6) if mask & 32 >> leg]
 
 
+#: Fifth harmonic that magnets induce in x-y.
+HARMONICS_V = (0.0, 20.0)
+
+
 class Circuit:
-    def __init__(self, lost, seed=0, set2_ohm=0.0, displacement_deg=30):
+    def __init__(self, lost, seed=0, set2_ohm=0.0, displacement_deg=30, harmonic_V=0.0):
+        self.harmonic_V = harmonic_V
         self.transform, self.phase = transform(displacement_deg), inverse(displacement_deg)
         self.phase_ohm = R + set2_ohm * np.array([-1, 1] * 3)
         self.lost = [PHASES.index(phase) for phase in lost]
@@ -60,11 +65,20 @@ class Circuit:
         (leg,) = self.lost
         return np.array([0, 0, -self.phase[leg, 3], self.phase[leg, 2]])
 
+    def harmonic(self, angle):
+        five = 5 * angle + 0.7
+        return self.harmonic_V * np.array([0, 0, np.cos(five), np.sin(five)])
+
+    def coming(self):
+        """The harmonic in the middle of the period that begins."""
+        return self.harmonic(self.angle + 0.5 * OMEGA * TS)
+
     def rotor(self):
         return ROTOR_WB * np.array([np.cos(self.angle), np.sin(self.angle)])
 
     def _slope(self, i, angle, legs_V):
         induced = OMEGA * ROTOR_WB * np.array([-np.sin(angle), np.cos(angle), 0, 0])
+        induced += self.harmonic(angle)
         drops = self.transform @ (self.phase_ohm * (self.phase @ i))
         rest = (self.transform @ legs_V - drops - induced) / L
         column = self.transform[:, self.lost] / L[:, None]
@@ -117,10 +131,13 @@ class Legs:
         )
         return np.array([got.alpha, got.beta])
 
-    def command(self, v_pu, i, rotor):
+    def command(self, v_pu, i, rotor, harmonic_V=None):
+        self.machine.magnets = harmonic_V is not None
         seen = ffi.new("ht_voltage_law_input *")
         seen.psi_Wb, seen.rotor_Wb = ab(rotor + SIGMA_L * i[:2]), ab(rotor)
         seen.turn_rad, seen.rs_ohm, seen.vdc_V = OMEGA * TS, R, VDC
+        if harmonic_V is not None:
+            seen.emf_V = xy(harmonic_V)
         out = lib.ht_lost_legs_command(self.lost, self.machine, seen, vsd(v_pu))
         return np.array([out.ab.alpha, out.ab.beta, out.xy.x, out.xy.y])
 
@@ -138,55 +155,64 @@ def vsd(v):
 
 
 differences = pytest.mark.parametrize("set2_ohm", DIFFERENCES)
+harmonics = pytest.mark.parametrize("harmonic_V", HARMONICS_V)
 lost_phases = pytest.mark.parametrize(
     ("displacement_deg", "lost"),
     [(deg, name.split("+")) for deg, names in CARRIED.items() for name in names],
 )
 
 
+@harmonics
 @differences
 @lost_phases
 def test_the_voltage_that_acts_does_not_depend_on_the_lost_legs_command(
-    displacement_deg, lost, set2_ohm
+    displacement_deg, lost, set2_ohm, harmonic_V
 ):
-    """It is the one whose flux follows with the mean resistance, as the observer has it."""
+    """It is the one whose flux follows with the mean resistance, as the observer has it. What
+    magnets induce in x-y is subtracted from both."""
     legs = Legs(lost, set2_ohm, displacement_deg)
     for seed in range(5):
         rng = np.random.default_rng(seed)
-        circuit = Circuit(lost, seed, set2_ohm, displacement_deg)
+        circuit = Circuit(lost, seed, set2_ohm, displacement_deg, harmonic_V)
         command = rng.uniform(0, VDC, 6)
-        begin = circuit.i
-        true = circuit.period(command)
+        begin, induced = circuit.i, circuit.coming()
+        true = circuit.period(command) - induced
         for _ in range(3):
             command[circuit.lost] = rng.uniform(0, VDC)
-            seen = legs.voltage(circuit.transform @ command, begin, circuit.i)
+            seen = legs.voltage(circuit.transform @ command - induced, begin, circuit.i)
             # What is left to choose is not zero at the end of the period.
             np.testing.assert_allclose(seen, true, atol=0.02 + 0.35 * abs(set2_ohm))
 
 
+@harmonics
 @differences
 @lost_phases
-def test_the_expected_voltage_comes_about(displacement_deg, lost, set2_ohm):
+def test_the_expected_voltage_comes_about(displacement_deg, lost, set2_ohm, harmonic_V):
     """Within what the currents change the drop, R Ts/sigma L_s of the voltage."""
     legs = Legs(lost, set2_ohm, displacement_deg)
     for seed in range(5):
-        circuit = Circuit(lost, seed, set2_ohm, displacement_deg)
+        circuit = Circuit(lost, seed, set2_ohm, displacement_deg, harmonic_V)
         command = np.random.default_rng(seed).uniform(0, VDC, 6)
-        expected = legs.expected(circuit.transform @ command, circuit.i, circuit.rotor())
+        acts = circuit.transform @ command - circuit.coming()
+        expected = legs.expected(acts, circuit.i, circuit.rotor())
         true = circuit.period(command)[:2]
         np.testing.assert_allclose(expected, true, atol=0.01 * VDC)
 
 
+@harmonics
 @differences
 @lost_phases
-def test_the_remaining_legs_make_the_voltage_that_a_law_asks_for(displacement_deg, lost, set2_ohm):
+def test_the_remaining_legs_make_the_voltage_that_a_law_asks_for(
+    displacement_deg, lost, set2_ohm, harmonic_V
+):
     legs = Legs(lost, set2_ohm, displacement_deg)
     for seed in range(8):
         rng = np.random.default_rng(seed)
-        circuit = Circuit(lost, seed, set2_ohm, displacement_deg)
+        circuit = Circuit(lost, seed, set2_ohm, displacement_deg, harmonic_V)
         induced = OMEGA / VDC * np.array([[0, -1], [1, 0]]) @ circuit.rotor()
         asked = np.concatenate([induced + rng.uniform(-0.05, 0.05, 2), rng.uniform(-0.05, 0.05, 2)])
-        v_pu = legs.command(asked, circuit.i, circuit.rotor())
+        harmonic = circuit.coming() if harmonic_V else None
+        v_pu = legs.command(asked, circuit.i, circuit.rotor(), harmonic)
         made = VDC * circuit.phase @ v_pu
         true = circuit.period(made)
         np.testing.assert_allclose(true[:2] / VDC, asked[:2], atol=0.01)

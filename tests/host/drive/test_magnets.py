@@ -10,7 +10,9 @@ from at_point import SAMPLES, at
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.firmware import BUILD, CALIBRATE
+from hexatorque.plant.vsd import PHASES
 from hexatorque.setups import SetupError
+from hexatorque.setups.design import Design
 
 BUILT_IN = ("magnet-interior", "magnet-surface", "magnet-24v")
 #: A scheme of each law that is ready on the machine.
@@ -274,6 +276,118 @@ def test_an_open_phase_is_named(name, scheme):
     assert "phase w2 lost" in drive.snapshot["warnings"]
 
 
+def riding(name, scheme, mode="least-loss", **more):
+    """A drive that is to go on without a leg, and its design."""
+    setup = setups.load(name)
+    rated_A = Design(setup, setups.parameters(setup).__getitem__).rated_A / np.sqrt(2)
+    return begun(name, scheme, controller__ride_through=mode, controller__i_rated_A=rated_A, **more)
+
+
+@pytest.mark.parametrize("name, scheme, kind, mode, speed_pu, load_pu", [
+    ("magnet-interior", "db-dtfc", "open", "least-loss", 0.9, 0.42),
+    ("magnet-interior", "foc", "blocked", "most-torque", 0.4, -0.42),
+    ("magnet-surface", "ddr", "upper", "least-loss", -0.5, 0.4),
+    ("magnet-24v", "db-ipwm", "lower", "most-torque", 0.8, 0.42),
+])  # fmt: skip
+def test_it_goes_on_without_a_leg(name, scheme, kind, mode, speed_pu, load_pu):
+    """The rotor's angle is known, so the flux stays right; no phase carries more than its rated
+    current. With 0.555 or 0.577 of the current there is as much of the torque, at least where the
+    magnets alone make it."""
+    drive, design = riding(name, scheme, mode)
+    before = at(drive, design, speed_pu, load_pu, 1.0)
+    drive.break_leg("w1", kind, 0.43 * drive.period_s)
+    drive.run(1.0, record=False)
+    drive.discard()
+    drive.run(0.2)
+    assert drive.state == "run", drive.trip
+    assert int(drive.controller.channel("warnings")) & 63 == 8  # w1
+    rec = drive.take()
+    off_rpm = rec["plant.speed_rpm"].mean() - before["plant.speed_rpm"].mean()
+    assert abs(off_rpm) < 0.02 * design.rated_rpm
+    flux_Wb = np.hypot(rec["plant.psi_alpha_Wb"], rec["plant.psi_beta_Wb"])
+    assert flux_Wb.mean() == pytest.approx(rec["flux_ref_Wb"].mean(), rel=0.03)
+    off_Nm = rec["torque_Nm"].mean() - rec["plant.torque_Nm"].mean()
+    assert abs(off_Nm) < 0.02 * design.rated_Nm
+    rms_A = {p: np.sqrt(np.mean(rec[f"plant.i_{p}_A"] ** 2)) for p in PHASES}
+    # While the set's other legs are at one rail, the diodes of a leg that is not open conduct.
+    assert rms_A.pop("w1") < (1e-3 if kind == "open" else 0.07) * design.rated_A
+    assert max(rms_A.values()) < 1.02 * drive.get("i_rated_A")
+    part = 0.555 if mode == "least-loss" else 0.577
+    limit_Nm = drive.controller.channel("torque_limit_Nm")
+    most_Nm = drive.machine.torque_of_current_Nm(part * design.rated_A, 0.0)
+    assert 0.9 * abs(load_pu) * design.rated_Nm < limit_Nm < 1.01 * most_Nm
+
+
+def test_without_a_leg_the_torque_limit_leaves_voltage():
+    """Along the lost leg's axis R_s and L_xy take their voltage once more. At rated speed that of a
+    table, 0.48 V_dc, is short of it: the limit falls, and the drive slows down, but it goes on."""
+    drive, design = riding("magnet-surface", "ddr")
+    at(drive, design, 1.0, 0.4)
+    drive.break_leg("u2", "open")
+    drive.run(1.5, record=False)
+    assert drive.state == "run", drive.trip
+    assert drive.controller.channel("torque_limit_Nm") < 0.52 * design.rated_Nm
+    assert 0.8 * design.rated_rpm < drive.speed_rpm < design.rated_rpm
+
+
+@pytest.mark.parametrize("scheme", ["db-dtfc", "ddr"])
+def test_told_harmonics_disturb_no_drive_without_a_leg(scheme):
+    """15 % of fifth harmonic are no other loss, and the flux is as exact as with all legs."""
+    drive, design = riding("magnet-surface", scheme, machine__emf_share=(0.15, 0, 0, 0))
+
+    def off(rec):
+        axes = (rec[f"psi_{n}_Wb"] - rec[f"plant.psi_{n}_Wb"] for n in ("alpha", "beta"))
+        return np.sqrt(np.nanmean(np.hypot(*axes) ** 2))
+
+    before = off(at(drive, design, 0.6, 0.35))
+    drive.break_leg("u1", "open")
+    drive.run(0.8, record=False)
+    drive.discard()
+    drive.run(0.2)
+    assert drive.state == "run", drive.trip
+    assert off(drive.take()) < 1.2 * before
+
+
+@pytest.mark.parametrize("second", ["u2", "v2", "w1"])
+def test_a_second_lost_phase_stops(second):
+    drive, design = riding("magnet-interior", "foc")
+    at(drive, design, 0.5, 0.4)
+    drive.break_leg("u1", "open")
+    drive.run(0.3, record=False)
+    assert drive.state == "run", drive.trip
+    drive.break_leg(second, "open")
+    drive.run(0.3, record=False)
+    assert drive.faults == ["phase lost"]
+    assert {"phase u1 lost", "another phase lost"} <= set(drive.snapshot["warnings"])
+
+
+@pytest.mark.parametrize("phases", [("u1", "u2"), ("u1", "w1"), ("u1", "v2")])
+def test_two_phases_lost_at_once_stop(phases):
+    """The residual may have the direction of a third. Whichever leg is switched off, another loss
+    shows then."""
+    drive, design = riding("magnet-surface", "db-dtfc")
+    at(drive, design, 0.5, 0.4)
+    for phase in phases:
+        drive.break_leg(phase, "open")
+    drive.run(0.5, record=False)
+    assert drive.faults == ["phase lost"]
+    assert "another phase lost" in drive.snapshot["warnings"]
+
+
+@pytest.mark.parametrize("scheme", ["fdr", "foc"])
+def test_untold_harmonics_are_no_lost_leg(scheme):
+    """5 and 3 % in the induced voltage, and the least limit that an untold set-up has."""
+    untold = setups.load("magnet-surface").changed(machine__emf_share=(0, 0, 0, 0))
+    drive, design = begun(
+        "magnet-surface", scheme, machine__emf_share=(0.05, 0.03, 0.01, 0.005),
+        controller__emf5_share=0.0, controller__emf7_share=0.0,
+        controller__loss_check=untold.parameter("loss_check"),
+    )  # fmt: skip
+    for speed_pu in (0.15, 0.4, 0.95, -0.95):
+        at(drive, design, speed_pu, 0.6, 0.0)
+    assert drive.state == "run", drive.trip
+
+
 @pytest.mark.parametrize("scheme", ["ddr", "foc", "db-dtfc"])
 def test_the_fifth_harmonic_in_xy_is_small_with_feed_forward(scheme):
     """At rated speed, with 4 % of the fifth harmonic in the induced voltage."""
@@ -312,8 +426,11 @@ def test_with_wrong_parameters_it_holds(wrong):
         ({"machine.ld_H": 20e-3}, "with magnets L_d may not be above L_q"),
         ({"machine.psi_f_Wb": 0.0}, "machine.psi_f_Wb = 0: allowed range is 1e-05 .. 100 Wb"),
         ({"controller.speed_trip_rpm": 9000.0}, "the magnets may induce vdc_max_V at most"),
-        ({"controller.ride_through": "least-loss", "controller.i_rated_A": 4.5},
-         "with magnets a drive cannot go on"),
+        ({"controller.ride_through": "least-loss", "controller.i_rated_A": 4.5,
+          "controller.lost_legs": 32}, "with magnets a drive cannot start without a leg"),
+        ({"controller.ride_through": "least-loss", "controller.i_rated_A": 4.5,
+          "controller.trip_state": "short-circuit", "controller.magnets_bear_A": 75.0,
+          "sensors.i_full_A": 90.0}, "a short circuit brakes with all legs"),
         ({"controller.scheme": "dtc3"}, "drives more x-y current than i_trip_A"),
         ({"machine.emf_share": [0.1, 0.2]}, "four numbers are needed"),
     ],

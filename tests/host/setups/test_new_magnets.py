@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from hexatorque import setups
@@ -111,15 +112,24 @@ def test_a_drive_that_knows_the_sheet_alone_drives_another_machine(sheet, lxy_sh
     assert accept(true).state == "idle"
 
 
-def test_harmonics_that_a_sheet_does_not_tell_are_no_lost_leg():
-    """A leg is lost from three times loss_check on. 5 % of fifth and 3 % of seventh harmonic, in
-    phase, of the largest voltage that is used stay below; told, they need no room."""
-    untold = setups.parse(new.from_magnets(INTERIOR, "x"), "x")
-    used_V = 0.9 * untold["inverter.vdc_V"] / math.sqrt(3)
-    limit_V = 3 * untold["controller.loss_check"] * untold["controller.vdc_max_V"]
-    assert limit_V > (0.05 + 0.03) * used_V
+@pytest.mark.parametrize("sheet", [SURFACE, INTERIOR])
+def test_harmonics_that_a_sheet_does_not_tell_are_no_lost_leg(sheet):
+    """The residual passes a low pass of 2 ms. 5 % of fifth and 3 % of seventh harmonic, in phase,
+    stay below 0.6 of the limit behind it, at every speed."""
+    untold = setups.parse(new.from_magnets(sheet, "x"), "x")
+    limit_V = untold["controller.loss_check"] * untold["controller.vdc_max_V"]
+    omega = np.geomspace(1.0, 5000.0, 200)
+    fifth, seventh = (
+        share * untold["machine.psi_f_Wb"] * omega / np.hypot(1, order * omega * 2e-3)
+        for share, order in ((0.05, 5), (0.03, 7))
+    )
+    assert (fifth + seventh).max() < 0.6 * limit_V
+
+
+def test_harmonics_that_are_told_need_no_room():
+    untold = setups.parse(new.from_magnets(SURFACE, "x"), "x")
     told = untold.changed(machine__emf_share=(0.05, 0.03, 0, 0))
-    assert told["controller.loss_check"] < 0.5 * untold["controller.loss_check"]
+    assert told["controller.loss_check"] < 0.8 * untold["controller.loss_check"]
 
 
 @pytest.fixture

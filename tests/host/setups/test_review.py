@@ -8,6 +8,7 @@ import shlex
 from pathlib import Path
 
 import pytest
+from waiting import until_it_runs
 
 from hexatorque import SimulatedDrive, chips, measure, setups
 from hexatorque.cli.main import main
@@ -661,6 +662,34 @@ def test_a_winding_with_the_told_resistance_bears_rated_current_and_one_with_mor
     assert hottest_degC == pytest.approx(found[settles].value, abs=8)
 
 
+def test_with_magnets_a_phase_that_stands_is_noted_and_where_it_is_not_it_bears_it():
+    """Its loss is twice the mean: (limit - ambient)/loss bears 2 winding_K_W + frame_K_W."""
+    base = setups.load("magnet-surface")
+    p, d = base.parameter, Design(base, base.parameter)
+    hot_ohm = p("rs_ohm") * (234.5 + p("winding_limit_degC")) / (234.5 + p("rs_degC"))
+    rise_K = p("winding_limit_degC") - p("ambient_degC")
+    most_K_W = rise_K / (3 * d.rated_A**2 * hot_ohm) / (2 * 0.7 + 0.3)
+    standing = "phase that stands at the amplitude of rated current, in the end"
+    for share, verdict in ((1.1, "note"), (0.98, "ok")):
+        setup = base.changed({
+            "heat.winding_K_W": 0.7 * share * most_K_W, "heat.frame_K_W": 0.3 * share * most_K_W,
+            "heat.winding_s": 30.0, "heat.frame_s": 60.0, "heat.time_lapse": 20.0,
+            "load.kind": "constant", "controller.scheme": "foc",
+        })  # fmt: skip
+        found = verdicts(setup)
+        assert found[standing] == verdict
+        assert found["winding at rated current, in the end"] == "ok"
+    assert standing not in verdicts(setups.load("small-2kw"), heat__winding_K_W=0.1)
+    sim = SimulatedDrive(setup, 1)
+    until_it_runs(sim)
+    sim.set("load_Nm", d.rated_Nm)
+    sim.run(14.0, record=False)
+    assert sim.state == "run" and sim.controller.drive.heat_warnings == 0
+    rises_K = sim.bodies.winding_degC - p("ambient_degC")
+    assert 0.75 * rise_K < rises_K.max() < rise_K
+    assert rises_K.max() > 1.4 * rises_K.mean()
+
+
 def test_a_power_stage_is_told_the_resistance_that_bears_a_standing_leg():
     """v i + r i^2 + e f V i of the leg with the amplitude of rated current."""
     setup = setups.load("small-2kw").changed({
@@ -712,3 +741,18 @@ def test_no_level_is_told_where_the_capacitor_holds_no_band():
         found = by_subject(setup.changed(inverter__link_F=link_F, inverter__source_ohm=0.3))
         assert (LOW in found) == told and (BAND in found) == told
     assert LOW not in by_subject(setup)
+
+
+def test_magnets_that_go_on_without_a_phase_tell_the_torque_that_is_left():
+    """4/13 of the squared current, and less voltage: a table has 0.48 Vdc, the modulator 0.58."""
+    riding = setups.load("magnet-surface").changed(
+        controller__ride_through="least-loss", controller__i_rated_A=2.5
+    )
+    subject = "torque left at rated speed without a phase"
+    left = {f.scheme: f for f in review(riding, ["ddr", "foc"]) if f.subject == subject}
+    most_Nm = 3 * 5 * riding["machine.psi_f_Wb"] * math.sqrt(2) * 2.5 * 2 / math.sqrt(13)
+    assert left["foc"].value == pytest.approx(most_Nm, rel=0.01)
+    assert 0.1 * most_Nm < left["ddr"].value < 0.7 * most_Nm
+    assert {f.verdict for f in left.values()} == {"note"}
+    stops = review(setups.load("magnet-surface"), ["foc"])
+    assert subject not in {f.subject for f in stops}

@@ -144,6 +144,21 @@ def test_a_machine_that_is_far_off_what_its_plate_lets_expect(number, way, cours
     accept(setup, course, (of.speed_rpm, of.torque_Nm))
 
 
+#: The scheme's ripple beat with the looks at the speed of the flux (fdr, 123); the stator flux
+#: turned by twice the load angle when the torque reversed in weakened field (44).
+ENCODERS = [
+    (123, PLATE, "fdr", ((1, 0), (1, 1), (1, -1), (1, 0))),
+    (44, PLATE, "db-dtfc", ((1.5, 0), (1.5, 0.5), (1.5, 0), (-1.5, 0))),
+]
+
+
+@pytest.mark.parametrize(("number", "way", "scheme", "course"), ENCODERS)
+def test_no_encoder_fault_by_ripple_or_reversal(number, way, scheme, course):
+    of = machines.told(machines.truth(number), way)
+    setup = machines.drive(machines.truth(number), of.setup.with_scheme(scheme), number)
+    accept(setup, course, (of.speed_rpm, of.torque_Nm))
+
+
 def row(way, ready, reason):
     tried = {"ready": ready, "bad": [] if ready else ["flux"], "reason": reason}
     return {
