@@ -19,6 +19,7 @@ from ..drive.interface import DriveFault
 from ..drive.simulated import SimulatedDrive
 from ..errors import HexatorqueError
 from ..parallel import each
+from ..plant.machines import parameters_of
 from ..recording.recording import Recording
 from ..setups import Setup, SetupError
 from . import joint
@@ -33,6 +34,8 @@ SPEED = "speed by this torque"
 SHAFT, SHAFT_NOISE = "shaft torque", "noise of the shaft torque"
 #: Repetitions of the simulation as the set-up has it. They give the noise to expect.
 REPEATS = 3
+#: A repetition's rotor with magnets starts turned by this angle from the one before: no two alike.
+TURNED_DEG = 137.5
 #: A quantity is never expected to agree better than this share of its size.
 FLOOR = 2e-3
 #: The same with an oscilloscope's probes, and a part of its range that it does not resolve.
@@ -350,8 +353,13 @@ class _Simulations:
             for one in prepares:
                 one(sim)
 
-        # Another noise for every repetition.
-        seeded = setup.changed(sensors__noise_seed=setup["sensors.noise_seed"] + late)
+        # Another noise for every repetition, and another angle, never the set-up's own: the windows
+        # begin elsewhere in a turn than the bench's, whose angle nobody knows.
+        machine = parameters_of(setup["machine.model"])(**setup.machine_values())
+        seeded = setup.changed(
+            {"sensors.noise_seed": setup["sensors.noise_seed"] + late,
+             **machine.start_turned(setup.parameter("rotor_zero_deg"), TURNED_DEG * (late + 1))}
+        )  # fmt: skip
         # An oscilloscope has the true voltage, the board what its sensor makes of it.
         vdc = 1.0 if bench.outside else math.prod((c.vdc(x) for c, x in changes), start=1.0)
         more_Nm = 0.0 if bench.torque_known else sum((x for c, x in changes if c.adds_torque), 0.0)

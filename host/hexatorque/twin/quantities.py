@@ -137,7 +137,8 @@ def compute(
         if channel in samples:
             found[name] = _mean(get(channel), which, n)
     harmonic = _harmonics(turn, which, n)
-    found |= _of_turn(harmonic, ab, xy, displacement_deg, _hann(which, n))
+    rest = _without_fundamental(ab, harmonic, turn, which)
+    found |= _of_turn(harmonic, rest * _hann(which, n), xy, displacement_deg)
     if all(_all(samples, one) for one in SETS):
         sums = [np.sum([get(f"i_{p}_A") for p in one], axis=0) for one in SETS]
         found["sum of currents"] = _parts(*(harmonic(one.astype(complex), 1) for one in sums))
@@ -149,20 +150,17 @@ def compute(
 
 def _of_turn(
     harmonic: Callable,
-    ab: np.ndarray,
+    rest: np.ndarray,
     xy: np.ndarray,
     displacement_deg: float,
-    weights: np.ndarray | float = 1.0,
 ) -> dict[str, np.ndarray]:
-    """First harmonic, and the fifth and seventh in the plane in which the winding has them. In
-    alpha-beta the weights keep them apart from the fundamental, which is many times larger."""
-    found = {"unbalance": _parts(harmonic(xy, 1), harmonic(xy, -1), harmonic(ab, -1))}
+    """Negative sequence and first harmonic in x-y, and the fifth and seventh in the plane in which
+    the winding has them. rest: the current in alpha-beta without its fundamental, weighted."""
+    found = {"unbalance": _parts(harmonic(xy, 1), harmonic(xy, -1), harmonic(rest, -1))}
     if harmonics_in_xy(displacement_deg):
         found["x-y harmonics 5, 7"] = _parts(harmonic(xy, 5), harmonic(xy, -7))
     else:
-        found["alpha-beta harmonics 5, 7"] = _parts(
-            harmonic(ab * weights, -5), harmonic(ab * weights, 7)
-        )
+        found["alpha-beta harmonics 5, 7"] = _parts(harmonic(rest, -5), harmonic(rest, 7))
     return found
 
 
@@ -175,6 +173,13 @@ def _harmonics(turn: np.ndarray, which: np.ndarray, n: int) -> Callable:
         return means
 
     return harmonic
+
+
+def _without_fundamental(
+    ab: np.ndarray, harmonic: Callable, turn: np.ndarray, which: np.ndarray
+) -> np.ndarray:
+    """It is many times larger than the rest, and a window is no whole number of its turns."""
+    return ab - harmonic(ab, 1)[which] * turn
 
 
 def _outside(
@@ -191,10 +196,10 @@ def _outside(
     size = np.abs(ab)
     turn = ab / np.where(size > 0, size, 1.0)
     weights, harmonic = _hann(which, n), _harmonics(turn, which, n)
-    ab, xy = ab * weights, xy * weights
+    rest, xy = _without_fundamental(ab, harmonic, turn, which) * weights, xy * weights
     found = {
         "current amplitude": _mean(size, which, n),
-        **_of_turn(harmonic, ab, xy, displacement_deg),
+        **_of_turn(harmonic, rest, xy, displacement_deg),
     }
     if "speed_rpm" in samples:
         turns = _turned(turn, which, n)

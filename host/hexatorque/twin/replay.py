@@ -31,7 +31,7 @@ PER_PERIOD = 8
 #: Repetitions begin up to so many fast periods later, so that their ripple is another one.
 LATEST = 5
 #: A held shaft is put back after so many fast periods, if it has moved.
-HELD_PERIODS, HELD_RAD = 20, 1e-3
+HELD_PERIODS, HELD_RAD = 2, 1e-5
 #: The numbers of repetitions are so far apart. Each has the shaft at another angle, within what the
 #: measured speed leaves open.
 LATER = 3

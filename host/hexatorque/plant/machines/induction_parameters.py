@@ -58,6 +58,11 @@ class Parameters:
         flux is built at standstill anyway."""
         return {}
 
+    def start_turned(self, _zero_deg: float, _by_deg: float) -> dict[str, float]:
+        """Keys of a set-up with which the same drive starts at another angle of the shaft: it knows
+        none."""
+        return {}
+
     @property
     def phase_of_leg(self) -> list[int]:
         """Index of the phase on each leg."""

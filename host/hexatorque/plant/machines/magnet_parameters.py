@@ -20,6 +20,10 @@ ALIGNED_DEG = 0.5
 HELD_S = 0.1
 
 
+def _within_a_turn(deg: float) -> float:
+    return (deg + 180.0) % 360.0 - 180.0
+
+
 @dataclass(frozen=True)
 class Parameters:
     """Machine constants. The d axis is the magnets' north pole."""
@@ -72,6 +76,14 @@ class Parameters:
         if controller.get("rotor_start") == "known":
             return {}
         return {"rotor_start": "known", "rotor_zero_deg": self.start_deg, "build_s": HELD_S}
+
+    def start_turned(self, zero_deg: float, by_deg: float) -> dict[str, float]:
+        """Keys of a set-up with which the same drive starts at another angle of the shaft. The
+        drive believes in zero_deg."""
+        return {
+            "machine.start_deg": _within_a_turn(self.start_deg + by_deg),
+            "controller.rotor_zero_deg": _within_a_turn(zero_deg + by_deg),
+        }
 
     @property
     def phase_of_leg(self) -> list[int]:
