@@ -36,6 +36,8 @@ SHAFT, SHAFT_NOISE = "shaft torque", "noise of the shaft torque"
 REPEATS = 3
 #: A repetition's rotor with magnets starts turned by this angle from the one before: no two alike.
 TURNED_DEG = 137.5
+#: Of what the best parameter explains alone, another explains this share or more: it is simulated.
+SECOND = 0.25
 #: A quantity is never expected to agree better than this share of its size.
 FLOOR = 2e-3
 #: The same with an oscilloscope's probes, and a part of its range that it does not resolve.
@@ -169,11 +171,14 @@ class Comparison:
 
     @property
     def sure(self) -> set[str]:
-        """The parameters that every explanation has."""
+        """The parameters that every explanation has, and in whose place none could stand."""
         if not self.named:
             return set()
-        best = self.together.names if self.together else {self.explanations[0].candidate.name}
-        return set(best).intersection(*(one.names for one in self.rivals))
+        first = self.explanations[0]
+        best = self.together.names if self.together else {first.candidate.name}
+        like = self.together.like if self.together else {first.candidate.name: first.like}
+        alone = {name for name in best if not like.get(name)}
+        return alone.intersection(*(one.names for one in self.rivals))
 
     @property
     def unexplained(self) -> bool:
@@ -397,7 +402,7 @@ class _Search:
                 self.effects[candidate.name] = nominal.shaft_effect(candidate.name)
         self.scatter = {
             one.name: 0.0
-            if one.shaft_only
+            if one.shaft_only or one.unknown > 0  # there it has one direction only, as `_Known` has
             else np.count_nonzero(self.effects[one.name]) / one.step**2
             for one in candidates
             if one.name in self.effects
@@ -429,17 +434,21 @@ class _Search:
         then on the explanations tell what would be seen beside them."""
         of = {c: self.effects[c.name] for c in self.candidates if c.name in self.effects}
         search = joint.Search(of, self.scatter, self.residual, self.nominal.blocks, self._moved)
-        for one in explained:
-            if not _counts(one, self.residual):
-                break
-            if found := search.best(one.candidate):
+        counting = [one for one in explained if _counts(one, self.residual)]
+        while counting:
+            # Far from the set-up effects are not linear: the true one may explain less there.
+            share = SECOND * (1.0 - counting[0].left)
+            singles = [one for one in counting if 1.0 - one.left >= share]
+            if found := search.best([one.candidate for one in singles]):
                 for other in explained:
                     other.tried = other.candidate in found.candidates
                     if not other.tried:
                         other.seen_from = search.seen_from(other.candidate, found)
                 return found, search.rivals
-            # The drive does not run with it, and on the bench it ran.
-            one.left = 1.0
+            # The drive does not run with them, and on the bench it ran.
+            for one in singles:
+                one.left = 1.0
+            counting = counting[len(singles) :]
         return None, []
 
     def _moved(self, changes: Changes, late: int) -> tuple[np.ndarray, np.ndarray] | str:

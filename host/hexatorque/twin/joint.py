@@ -139,10 +139,10 @@ class Search:
         self.directions = np.linalg.qr(own.reshape(-1, len(residual)).T)[0]
         self.rivals: list[Set] = []
 
-    def best(self, first: Candidate) -> Set | None:
-        """The smallest set that explains as much as the larger ones do, up to chance. None if not
-        even the first parameter, which alone explains most, can be simulated."""
-        found = self._try([([first], None)])
+    def best(self, singles: Sequence[Candidate]) -> Set | None:
+        """The smallest set that explains as much as the larger ones do, up to chance. singles: the
+        parameters that alone explain most, best first. None if not one can be simulated."""
+        found = self._try([([one], None) for one in singles])
         if not found:
             return None
         for _ in range(ROUNDS):

@@ -107,7 +107,7 @@ def searched(effects, truth, curved=0.0, noise=1.0):
     search = joint.Search(effects, dict.fromkeys((c.name for c in effects), 0.0), residual,
                           [QUANTITY], simulate)  # fmt: skip
     first = max(effects, key=lambda c: abs(effects[c] @ residual) / np.linalg.norm(effects[c]))
-    return search.best(first), search.rivals
+    return search.best([first]), search.rivals
 
 
 def of_magnets(*names):
