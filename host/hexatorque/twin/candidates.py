@@ -41,8 +41,6 @@ class Candidate:
     probes: tuple[str, ...] = ()
     #: The change is added to the torque that the recorded speed needs.
     adds_torque: bool = False
-    #: Standard deviation on a bench on which nothing is wrong.
-    unknown: float = 0.0
 
     def shown(self, change: float, sign: bool = True) -> str:
         value = 100 * change if self.unit == PERCENT else change
@@ -72,9 +70,7 @@ def _of_machine(model: str, one: Differing) -> Candidate:
         values |= {key: changed(setup[key], change) for key in keys}
         return setup.changed(**{_path(key): value for key, value in values.items()})
 
-    return Candidate(
-        one.name, keys, one.unit, one.step, one.low, one.high, apply, unknown=one.unknown
-    )
+    return Candidate(one.name, keys, one.unit, one.step, one.low, one.high, apply)
 
 
 def _drops(setup: Setup, change: float) -> Setup:

@@ -402,19 +402,11 @@ class _Search:
                 self.effects[candidate.name] = nominal.shaft_effect(candidate.name)
         self.scatter = {
             one.name: 0.0
-            if one.shaft_only or one.unknown > 0  # there it has one direction only, as `_Known` has
+            if one.shaft_only
             else np.count_nonzero(self.effects[one.name]) / one.step**2
             for one in candidates
             if one.name in self.effects
         }
-        unknown = [
-            one.unknown * self.effects[one.name]
-            for one in candidates
-            if one.unknown > 0 and one.name in self.effects
-        ]
-        self.known = _Known(unknown)
-        self.residual = self.known(self.residual)
-        self.effects = {name: self.known(effect) for name, effect in self.effects.items()}
 
     def _refused(self, candidate: Candidate, change: float, why: str) -> None:
         self.notes.append(f"{candidate.name} {candidate.shown(change)}: {why}")
@@ -466,25 +458,7 @@ class _Search:
         return moved + shaft, visible + shaft
 
     def _seen(self, found: list[dict[str, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-        return self.known(self.nominal.whitened(found)), self.known(self.nominal.effect(found))
-
-
-class _Known:
-    """What a difference says if something that no bench knows exactly may be off, too. unknown: its
-    effects at one standard deviation."""
-
-    def __init__(self, unknown: Sequence[np.ndarray]) -> None:
-        self.directions: list[tuple[np.ndarray, float]] = []
-        for effect in unknown:
-            seen = self(effect)
-            size = float(np.linalg.norm(seen))
-            if size > 0:
-                self.directions.append((seen / size, 1 - 1 / math.hypot(1.0, size)))
-
-    def __call__(self, values: np.ndarray) -> np.ndarray:
-        for along, less in self.directions:
-            values = values - less * float(along @ values) * along
-        return values
+        return self.nominal.whitened(found), self.nominal.effect(found)
 
 
 def compare(

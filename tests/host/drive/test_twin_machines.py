@@ -143,14 +143,6 @@ def test_the_search_finds_what_the_effects_from_afar_do_not_show():
         assert abs(x - dict(truth)[c]) < 4 * s
 
 
-def test_what_no_bench_knows_exactly_explains_nothing_by_itself():
-    """A bench may be off by 10 noises in one direction: 10 there say little, 10 elsewhere all."""
-    along, across = np.eye(50)[3], np.eye(50)[4]
-    known = fit._Known([10 * along])
-    assert np.linalg.norm(known(10 * along)) < 1.0
-    assert np.linalg.norm(known(10 * across)) == pytest.approx(10)
-
-
 def test_the_recording_that_tells_most_is_proposed():
     """The nearest of the others counts. Two simulations are as far apart as their noises anyway."""
     setup = drawn_benches.set_up("magnet-surface", np.random.default_rng(1))

@@ -15,8 +15,7 @@ PERCENT = "%"
 class Differing:
     """Constants of a machine that change together: by a share of their values (unit %), or by a
     number of their own unit. step: change with which the simulation is tried, large against the
-    noise; low, high: changes that can be meant; place: of the one value of a list that changes;
-    unknown: standard deviation on a bench on which nothing is wrong."""
+    noise; low, high: changes that can be meant; place: of the one value of a list that changes."""
 
     name: str
     keys: tuple[str, ...]
@@ -25,7 +24,6 @@ class Differing:
     high: float = 1.5
     unit: str = PERCENT
     place: int | None = None
-    unknown: float = 0.0
 
 
 #: Of every kind.

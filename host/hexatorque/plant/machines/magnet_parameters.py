@@ -14,8 +14,6 @@ from .differing import L_XY, R_S, Differing
 
 #: Orders of the harmonics that the magnets' flux may have besides the fundamental.
 ORDERS = (5, 7, 11, 13)
-#: The electrical angle after an alignment is known so well: a swing ends, an encoder counts.
-ALIGNED_DEG = 0.5
 #: A shaft that is held needs no longer to be aligned.
 HELD_S = 0.1
 
@@ -56,7 +54,7 @@ class Parameters:
         Differing("L_d", ("ld_H",), 0.2),
         Differing("L_q", ("lq_H",), 0.2),
         L_XY,
-        Differing("encoder's angle", ("start_deg",), 5.0, -60.0, 60.0, "deg", unknown=ALIGNED_DEG),
+        Differing("encoder's angle", ("start_deg",), 5.0, -60.0, 60.0, "deg"),
         *(
             Differing(f"EMF harmonic {order}", ("emf_share",), 0.02, -0.3, 0.3, "", place)
             for place, order in enumerate(ORDERS[:2])
