@@ -1,0 +1,82 @@
+"""Estimates of a machine, and what they leave open about a scheme.
+
+The rules of `review` are asked with the values of the set-up. Where one is an estimate, the true one
+lies anywhere in its range. So the same rules are asked again with either end of the range, for each
+estimate alone. The controller keeps its parameters then, which follow from the estimate: it stands
+in front of another machine than the one that it was designed for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import cast
+
+from .design import Design
+from .estimate import spread
+from .keys import ESTIMATED, LXY_LEAST, LXY_SHARE
+from .setup import Setup
+from .values import Value
+
+MEASURED_BY = "hexatorque board commission measures it"
+#: How near a threshold is told, as a factor.
+THRESHOLD = 1.01
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The first of these keys of [machine] is an estimate, and the others follow from it. low,
+    high: the ends of its range over the estimate."""
+
+    keys: tuple[str, ...]
+    low: float
+    high: float
+
+    def design(self, d: Design, factor: float) -> Design:
+        """The same controller and a machine with so many times the estimate."""
+        setup = cast(Setup, d.setup)
+        values = {key: Value(factor * setup[f"machine.{key}"], ESTIMATED) for key in self.keys}
+        return Design(setup.with_part({"machine": values}), d.parameter)
+
+    def says(self, d: Design, factor: float) -> str:
+        """The value at this factor, as the file has it."""
+        key = self.keys[0]
+        return f"machine.{key} = {factor * d.setup[f'machine.{key}']:.3g}"
+
+    def runs(self, d: Design, good: float, bad: float) -> str:
+        """What makes a scheme run, of a threshold between these factors."""
+        side = "and more" if good > bad else "and less"
+        return f"runs with {self.says(d, good)} {side}: {MEASURED_BY}"
+
+
+def estimates(d: Design) -> Iterator[Estimate]:
+    """The inductances that a voltage step meets, where they are estimates, the one that few others
+    follow from first. Those of magnets are told. The leakage has the range of the published
+    machines. L_xy is a share of it, from LXY_LEAST to all of it, and as wrong as it: both errors
+    are chance, so their logarithms add in squares."""
+    if d.magnets:
+        return
+    leakages = tuple(key for key in ("lls_H", "llr_H") if _tag(d, key) == ESTIMATED)
+    of_share = _tag(d, "lxy_H") == ESTIMATED or _follows(d)
+    factor = max(spread().factors["lls_H"].values()) if "lls_H" in leakages else 1.0
+    share = ("lxy_H",) if of_share else ()
+    if share:
+        low, high = (_both(factor, of) for of in (LXY_SHARE / LXY_LEAST, 1 / LXY_SHARE))
+        yield Estimate(share, 1 / low, high)
+    if leakages:
+        yield Estimate((*leakages, *share), 1 / factor, factor)
+
+
+def _both(factor: float, other: float) -> float:
+    return math.exp(math.hypot(math.log(factor), math.log(other)))
+
+
+def _tag(d: Design, key: str) -> str:
+    given = d.setup.values["machine"].get(key)
+    return given.tag if given else ""
+
+
+def _follows(d: Design) -> bool:
+    """Whether L_xy is the usual share of the leakage because nobody has told it."""
+    return "lxy_H" not in d.setup.values["machine"] and d.setup.defaults == "derived"
