@@ -71,7 +71,7 @@ PEAK = "current at the torque limit, ripple and x-y current"
 NEAR = 0.85
 #: Gain of the x-y loop in one period that leaves a margin to where it is unstable.
 XY_GAIN_MOST = 0.9
-#: Verdicts of a scheme that is not ready.
+#: Verdicts with which a scheme is not ready, the worse one first.
 NOT_READY = ("bad", "doubtful")
 SWITCHES = "switching frequency at full voltage, about"
 #: The level that is proposed for braking lies at this share of the way from the source's voltage to
@@ -155,24 +155,17 @@ def review(setup: Setup, schemes: Iterable[str], steady: bool = True) -> list[Fi
     return [*findings, *_refused(setup, findings)]
 
 
-def ready_of(findings: Iterable[Finding], schemes: Iterable[str]) -> list[str]:
-    """The schemes of which nothing is bad or doubtful; none if something of the set-up is."""
-    return _without(NOT_READY, findings, schemes)
+def verdict_of(findings: Iterable[Finding], scheme: str) -> str:
+    """ "bad" if something of the scheme or of the set-up is, else "doubtful" if something of the
+    scheme is, else "ready"."""
+    found = {f.verdict for f in findings if f.scheme in ("", scheme)}
+    return next((verdict for verdict in NOT_READY if verdict in found), "ready")
 
 
-def doubtful_of(findings: Iterable[Finding], schemes: Iterable[str]) -> list[str]:
-    """The schemes of which nothing is bad, and something is doubtful."""
+def ready_of(findings: Iterable[Finding], schemes: Iterable[str], kind: str = "ready") -> list[str]:
+    """The schemes that are ready, or of another kind."""
     findings = list(findings)
-    possible = _without(("bad",), findings, schemes)
-    ready = ready_of(findings, possible)
-    return [scheme for scheme in possible if scheme not in ready]
-
-
-def _without(
-    verdicts: tuple[str, ...], findings: Iterable[Finding], schemes: Iterable[str]
-) -> list[str]:
-    wrong = {f.scheme for f in findings if f.verdict in verdicts}
-    return [] if "" in wrong else [scheme for scheme in schemes if scheme not in wrong]
+    return [scheme for scheme in schemes if verdict_of(findings, scheme) == kind]
 
 
 def best(findings: Iterable[Finding], schemes: Iterable[str]) -> tuple[str, str]:
@@ -181,9 +174,8 @@ def best(findings: Iterable[Finding], schemes: Iterable[str]) -> tuple[str, str]
     one), of these the one that holds its mean torque best, to a tenth of a percent, then the one
     with the largest reach."""
     findings, schemes = list(findings), list(schemes)
-    ready = ready_of(findings, schemes)
-    kind = "ready" if ready else "doubtful"
-    ready = ready or doubtful_of(findings, schemes)
+    kind = "ready" if ready_of(findings, schemes) else "doubtful"
+    ready = ready_of(findings, schemes, kind)
 
     def value(scheme: str, subject: str) -> float:
         found = [f.value for f in findings if f.scheme == scheme and f.subject.startswith(subject)]
