@@ -9,9 +9,9 @@ in front of another machine than the one that it was designed for.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import cast
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, cast
 
 from .design import Design
 from .estimate import spread
@@ -19,6 +19,11 @@ from .keys import ESTIMATED, LXY_LEAST, LXY_SHARE
 from .setup import Setup
 from .values import Value
 
+if TYPE_CHECKING:
+    from .review import Finding
+
+#: The findings of a scheme, always the same ones in the same order.
+Rows = Callable[[Design], "list[Finding]"]
 MEASURED_BY = "hexatorque board commission measures it"
 #: How near a threshold is told, as a factor.
 THRESHOLD = 1.01
@@ -44,9 +49,13 @@ class Estimate:
         key = self.keys[0]
         return f"machine.{key} = {factor * d.setup[f'machine.{key}']:.3g}"
 
-    def runs(self, d: Design, good: float, bad: float) -> str:
-        """What makes a scheme run, of a threshold between these factors."""
-        side = "and more" if good > bad else "and less"
+    def runs(self, d: Design, end: float, bad: Callable[[Design], bool]) -> str:
+        """From where on a scheme runs, of which this end and the estimate say different things."""
+        good, wrong = (end, 1.0) if bad(d) else (1.0, end)
+        while max(good / wrong, wrong / good) > THRESHOLD:
+            middle = math.sqrt(good * wrong)
+            good, wrong = (good, middle) if bad(self.design(d, middle)) else (middle, wrong)
+        side = "and more" if good > wrong else "and less"
         return f"runs with {self.says(d, good)} {side}: {MEASURED_BY}"
 
 
@@ -80,3 +89,23 @@ def _tag(d: Design, key: str) -> str:
 def _follows(d: Design) -> bool:
     """Whether L_xy is the usual share of the leakage because nobody has told it."""
     return "lxy_H" not in d.setup.values["machine"] and d.setup.defaults == "derived"
+
+
+def judged(d: Design, rows: Rows) -> list[Finding]:
+    """The findings. One that is bad with the estimate, or at an end of its range, but not with
+    both, is doubtful. That of the end then stands beside the other one. The first estimate that
+    decides a finding is named."""
+    told = rows(d)
+    found, doubts = dict(enumerate(told)), {}
+    for of in estimates(d):
+        for end in (of.low, of.high):
+            for n, f in enumerate(rows(of.design(d, end))):
+                if (f.verdict == "bad") == (told[n].verdict == "bad") or n in doubts:
+                    continue
+                runs = of.runs(d, end, lambda other, n=n: rows(other)[n].verdict == "bad")
+                doubts[n] = replace(f, verdict="doubtful", advice=runs, runs=runs)
+                doubts[n] = replace(doubts[n], where=of.says(d, end))
+                if told[n].verdict == "bad":
+                    advice = f"{runs}; or {told[n].advice}"
+                    found[n] = replace(told[n], verdict="doubtful", runs=runs, advice=advice)
+    return [*found.values(), *(f for n, f in doubts.items() if told[n].verdict != "bad")]

@@ -32,7 +32,7 @@ from .derived import (
     write_delay_us,
 )
 from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Demand, Design, rad_s
-from .doubts import THRESHOLD, Estimate, estimates
+from .doubts import judged
 from .estimate import MAIN_OVER_LEAKAGE, PRODUCT, published_kW, usual
 from .keys import KEYS
 from .mean_torque import held
@@ -92,6 +92,7 @@ class Finding:
     advice: str  #: what to change; empty if there is nothing to change
     scheme: str = ""  #: of one scheme only
     where: str = ""  #: of another machine only, in the range of an estimate
+    runs: str = ""  #: where an estimate decides: with which value the scheme runs
 
     @property
     def stops(self) -> bool:
@@ -257,38 +258,8 @@ def _mended(setup: Setup, d: Design, name: str, found: list[Finding]) -> list[Fi
 
 
 def _judged(d: Design, name: str) -> list[Finding]:
-    """The findings of a scheme. Where the same rule has another answer at an end of the range of an
-    estimate, nobody knows whether it is bad."""
-    told = list(_scheme(d, name))
-    found, doubts, open_yet = list(told), [], set(range(len(told)))
-    for of in estimates(d):
-        for end in (of.low, of.high):
-            for n, f in enumerate(_scheme(of.design(d, end), name)):
-                if n not in open_yet or (f.verdict == "bad") == (told[n].verdict == "bad"):
-                    continue
-                open_yet.remove(n)
-                runs = _runs(d, name, n, of, end)
-                if f.verdict == "bad":
-                    doubts.append(
-                        replace(f, verdict="doubtful", advice=runs, where=of.says(d, end))
-                    )
-                else:
-                    advice = f"{runs}; or {told[n].advice}"
-                    found[n] = replace(told[n], verdict="doubtful", advice=advice)
-    return [*found, *doubts]
-
-
-def _runs(d: Design, name: str, n: int, of: Estimate, end: float) -> str:
-    """From where on an estimate makes the n-th finding of a scheme good."""
-
-    def bad(factor: float) -> bool:
-        return list(_scheme(of.design(d, factor), name))[n].verdict == "bad"
-
-    good, wrong = (end, 1.0) if bad(1.0) else (1.0, end)
-    while max(good / wrong, wrong / good) > THRESHOLD:
-        middle = math.sqrt(good * wrong)
-        good, wrong = (good, middle) if bad(middle) else (middle, wrong)
-    return of.runs(d, good, wrong)
+    """The findings of a scheme, and what estimates leave open about them."""
+    return judged(d, lambda other: list(_scheme(other, name)))
 
 
 def refuse_impossible(setup: Setup) -> None:
@@ -479,7 +450,7 @@ def outcome(
     for kind, of in (("doubtful", doubtful), ("not", wrong)):
         reasons: dict[str, list[str]] = {}
         for scheme, f in of.items():
-            reasons.setdefault(f.subject, []).append(scheme)
+            reasons.setdefault(f.what, []).append(scheme)
         for names in reasons.values():
             parts.append(f"{kind}: {', '.join(names)}, because {_why(of[names[0]])}")
     possible = (*ready, *doubtful)
@@ -503,7 +474,7 @@ def _why(f: Finding) -> str:
         return f"{f.what}: {f.advice}"
     beyond = "above" if f.sign == "<=" else "below"
     why = f"{f.what} is {f.value:.4g} {f.unit}".rstrip() + f", {beyond} {f.limit:.4g}"
-    return f"{why} ({f.advice})" if f.verdict == "doubtful" else why
+    return f"{why} ({f.runs})" if f.runs else why
 
 
 def _or_profile(d: Design, link_V: float) -> str:
