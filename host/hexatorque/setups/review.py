@@ -1192,10 +1192,11 @@ def _xy_gain(d: Design) -> float:
 
 
 def _swing_A(d: Design, row: Any) -> float:
-    """The x-y current that the regulator of a table makes if it is unstable. Its voltage is then at
-    its limit on either axis, to one side or the other. It turns a period after the current has
+    """The x-y current that the regulator of a table makes if it is unstable. It answers the current
+    of the period before: i(n+1) = i(n) - gain i(n-1) grows from a gain of 1 on. Then its voltage is
+    at its limit on either axis, to one side or the other. It turns a period after the current has
     passed zero, so the current goes two steps far."""
-    if not row.regulated or _xy_gain(d) <= XY_GAIN_MOST:
+    if not row.regulated or _xy_gain(d) <= 1:
         return 0.0
     step_Wb = lib.ht_scheme_xy_limit_pu(row) * d.vdc_V * d.period_s
     return 2 * math.sqrt(2) * step_Wb / d.machine.lxy_H
