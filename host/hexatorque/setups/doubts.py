@@ -1,9 +1,9 @@
 """Estimates of a machine, and what they leave open about a scheme.
 
-The rules of `review` are asked with the values of the set-up. Where one is an estimate, the true one
-lies anywhere in its range. So the same rules are asked again with either end of the range, for each
-estimate alone. The controller keeps its parameters then, which follow from the estimate: it stands
-in front of another machine than the one that it was designed for.
+The rules of `review` are asked with the values of the set-up. Where one is an estimate, the true
+one lies anywhere in its range. So the same rules are asked again with either end of the range, for
+each estimate alone. The controller keeps its parameters then, which follow from the estimate: it
+stands in front of another machine than the one that it was designed for.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, cast
 
 from .design import Design
@@ -66,8 +67,8 @@ def estimates(d: Design) -> Iterator[Estimate]:
     are chance, so their logarithms add in squares."""
     if d.magnets:
         return
-    leakages = tuple(key for key in ("lls_H", "llr_H") if _tag(d, key) == ESTIMATED)
-    of_share = _tag(d, "lxy_H") == ESTIMATED or _follows(d)
+    leakages = tuple(key for key in ("lls_H", "llr_H") if d.tag(key) == ESTIMATED)
+    of_share = d.tag("lxy_H") == ESTIMATED or _follows(d)
     factor = max(spread().factors["lls_H"].values()) if "lls_H" in leakages else 1.0
     share = ("lxy_H",) if of_share else ()
     if share:
@@ -81,31 +82,39 @@ def _both(factor: float, other: float) -> float:
     return math.exp(math.hypot(math.log(factor), math.log(other)))
 
 
-def _tag(d: Design, key: str) -> str:
-    given = d.setup.values["machine"].get(key)
-    return given.tag if given else ""
-
-
 def _follows(d: Design) -> bool:
     """Whether L_xy is the usual share of the leakage because nobody has told it."""
-    return "lxy_H" not in d.setup.values["machine"] and d.setup.defaults == "derived"
+    return not d.tag("lxy_H") and d.setup.defaults == "derived"
 
 
 def judged(d: Design, rows: Rows) -> list[Finding]:
     """The findings. One that is bad with the estimate, or at an end of its range, but not with
-    both, is doubtful. That of the end then stands beside the other one. The first estimate that
+    both, is doubtful; that of the end then stands beside the other one. The first estimate that
     decides a finding is named."""
     told = rows(d)
-    found, doubts = dict(enumerate(told)), {}
+    found, doubts, decided = list(told), [], set()
     for of in estimates(d):
         for end in (of.low, of.high):
             for n, f in enumerate(rows(of.design(d, end))):
-                if (f.verdict == "bad") == (told[n].verdict == "bad") or n in doubts:
+                if n in decided or _bad(f) == _bad(told[n]):
                     continue
-                runs = of.runs(d, end, lambda other, n=n: rows(other)[n].verdict == "bad")
-                doubts[n] = replace(f, verdict="doubtful", advice=runs, runs=runs)
-                doubts[n] = replace(doubts[n], where=of.says(d, end))
-                if told[n].verdict == "bad":
-                    advice = f"{runs}; or {told[n].advice}"
-                    found[n] = replace(told[n], verdict="doubtful", runs=runs, advice=advice)
-    return [*found.values(), *(f for n, f in doubts.items() if told[n].verdict != "bad")]
+                decided.add(n)
+                runs = of.runs(d, end, partial(_bad_at, n, rows))
+                if _bad(f):
+                    doubts.append(_doubt(f, runs, of.says(d, end)))
+                else:
+                    found[n] = _doubt(told[n], runs)
+    return [*found, *doubts]
+
+
+def _bad(f: Finding) -> bool:
+    return f.verdict == "bad"
+
+
+def _bad_at(n: int, rows: Rows, d: Design) -> bool:
+    return _bad(rows(d)[n])
+
+
+def _doubt(f: Finding, runs: str, where: str = "") -> Finding:
+    advice = f"{runs}; else {f.advice}"
+    return replace(f, verdict="doubtful", advice=advice, where=where, runs=runs)

@@ -154,7 +154,9 @@ def test_an_unstable_loop_swings_within_what_its_limit_lets_it(gain):
     row = firmware.lib.ht_scheme_describe(SCHEMES.index("ddr"))
     per_A = 2 * setup.parameter("kp_xy_pu_A")
     lxy_H = per_A * d.vdc_V * d.period_s / gain
-    other = Design(setup.changed(machine__lxy_H=lxy_H, controller__kp_xy_pu_A=per_A / 2), d.parameter)
+    other = Design(
+        setup.changed(machine__lxy_H=lxy_H, controller__kp_xy_pu_A=per_A / 2), d.parameter
+    )
     limit_pu = firmware.lib.ht_scheme_xy_limit_pu(row)
     now_A, v_pu, most_A = 1e-3, 0.0, 0.0
     for _ in range(2000):
