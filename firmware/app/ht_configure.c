@@ -305,9 +305,8 @@ static void configure_flux_brake(const float *v, ht_flux_brake_config *c)
 
 /* A step of the thermal model takes this share of its shortest time constant. */
 #define HEAT_STEP 0.03125f
-/* Low pass of the squared currents, slow periods: their ripple at twice the current's frequency must
- * not be taken for a constant by the samples of the slow interrupt. */
-#define HEAT_LOOK_PERIODS 2.0f
+/* Low pass of the squared samples, slow periods: in one of them a leg may have a single one. */
+#define HEAT_SAMPLE_PERIODS 2.0f
 /* Low pass of the part of the squares that the samples miss, in looks: that of one look scatters. */
 #define HEAT_MORE_LOOKS 10.0f
 /* Of turns of seven interrupts, four meet each place of a switching period of four. */
@@ -325,7 +324,7 @@ static void configure_heat(const ht_params *p, ht_heat_config *c)
     float slow_s = 1.0f / v[HT_P_f_slow_Hz];
     float step_s;
     c->steps = 0.0f;
-    c->look_gain = 0.0f;
+    c->sample_gain = 0.0f;
     c->more_gain = 0.0f;
     c->look_turns = 0.0f;
     if (per_s > 0.0f) {
@@ -333,7 +332,7 @@ static void configure_heat(const ht_params *p, ht_heat_config *c)
     }
     if ((per_s > 0.0f) || (v[HT_P_device_K_W] > 0.0f)) {
         float looks = slow_s * v[HT_P_f_isr_Hz] / (legs + 1.0f); /* of a leg, in a slow period */
-        c->look_gain = 1.0f / (1.0f + HEAT_LOOK_PERIODS * looks);
+        c->sample_gain = 1.0f / (1.0f + HEAT_SAMPLE_PERIODS);
         c->more_gain = 1.0f / (1.0f + HEAT_MORE_LOOKS);
         c->look_turns = looks + HEAT_TURNS;
     }

@@ -86,13 +86,21 @@ static inline void next_leg(ht_drive *d)
     d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
 }
 
-/* The turn is at no leg: it begins anew, or four interrupts bring a look that the slow interrupt has asked for.
+/* The turn is at no leg: it begins anew, with the samples handed over if they were awaited, or four interrupts bring a look that the slow interrupt has asked for.
  * Two of them know the patterns, and two of them or the next ones the currents, because under shadow load a
  * pattern takes effect a period later. */
 HT_SELDOM static void bring_look(ht_drive *d, const ht_compare *out)
 {
     unsigned part = (unsigned)d->heat_turn - (unsigned)HT_LEGS;
     unsigned later = d->config->control.shadow ? 2u : 1u;
+    if (part == 0u) {
+        d->heat.gathered.turns += 1.0f;
+        if (d->heat.full == 0u) {
+            ht_heat_hand_over(&d->heat);
+            d->heat_turn = 0u;
+            return;
+        }
+    }
     if ((d->looked != 0u) || (d->look_wait != 0u)) {
         if (d->looked == 0u) {
             d->look_wait--;
@@ -123,8 +131,7 @@ static inline void write_pattern(ht_drive *d, const ht_compare *out)
     ht_port_write(d->port, out);
     if (leg < (uint16_t)HT_LEGS) {
         float i_A = d->in.i_A.p[leg];
-        float *square_A2 = &d->heat.square_A2[leg];
-        *square_A2 += d->config->heat.look_gain * (i_A * i_A - *square_A2);
+        d->heat.gathered.sum_A2[leg] += i_A * i_A;
         d->heat_turn = (uint16_t)(leg + 1u);
     } else {
         bring_look(d, out);

@@ -158,6 +158,7 @@ void ht_drive_follow_heat(ht_drive *d, const ht_drive_config *c)
     float winding;
     float device;
     hear_build(d, c);
+    ht_heat_take(&c->heat, &d->heat);
     follow_look(d, c);
     ht_heat_step(&c->heat, &d->heat, powered, frame_W(d, c), telling_ohm(d, c));
     read_sensors(d, c);

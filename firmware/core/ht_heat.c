@@ -41,11 +41,45 @@ static void cool(ht_heat_state *st)
 void ht_heat_reset(ht_heat_state *st)
 {
     int leg;
+    st->full = 0u;
+    st->turns = 0.0f;
+    st->gathered.turns = 0.0f;
     for (leg = 0; leg < HT_LEGS; leg++) {
+        st->gathered.sum_A2[leg] = 0.0f;
         st->square_A2[leg] = 0.0f;
         st->more_A2[leg] = 0.0f;
     }
     cool(st);
+}
+
+HT_SELDOM void ht_heat_hand_over(ht_heat_state *st)
+{
+    int leg;
+    st->handed = st->gathered;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        st->gathered.sum_A2[leg] = 0.0f;
+    }
+    st->gathered.turns = 0.0f;
+    st->full = 1u; /* last: now the slow interrupt may begin */
+}
+
+/* Sums and turns have the same low pass, and the mean is their ratio. */
+void ht_heat_take(const ht_heat_config *cfg, ht_heat_state *st)
+{
+    const ht_heat_samples *taken = &st->handed;
+    float share = 0.0f;
+    int leg;
+    if (st->full == 0u) {
+        return;
+    }
+    st->turns += cfg->sample_gain * (taken->turns - st->turns);
+    if (st->turns > 0.0f) {
+        share = cfg->sample_gain / st->turns;
+    }
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        st->square_A2[leg] += share * (taken->sum_A2[leg] - taken->turns * st->square_A2[leg]);
+    }
+    st->full = 0u; /* last: now the fast interrupt may fill it */
 }
 
 float ht_heat_square_A2(const ht_heat_state *st, int leg)

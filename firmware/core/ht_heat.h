@@ -41,8 +41,8 @@
 enum { HT_RS_TELLS_NOTHING = 0, HT_RS_TELLS_TEMPERATURE = 1, HT_RS_TELLS_RESISTANCE = 2 };
 
 typedef struct {
-    float look_gain;      /**< low pass of a squared sample, per sample */
-    float more_gain;      /**< low pass of what the mean is more, per look; 0: none is needed */
+    float sample_gain;    /**< low pass of the squared samples, per handing over */
+    float more_gain;      /**< low pass of the part that they miss, per look; 0: none is needed */
     float look_turns;     /**< looks begin up to so many turns of the samples apart, at random */
     float steps;          /**< slow interrupts for a step; 0: heat is not watched */
     float per_W_K;        /**< what a watt in a part heats it by in a step */
@@ -61,9 +61,19 @@ typedef struct {
     float trip_degC;  /**< and from here on there is none */
 } ht_heat_config;
 
+/** Squared samples of some turns. */
 typedef struct {
-    float square_A2[HT_LEGS]; /**< the fast interrupt's: low pass of each squared sample */
-    float more_A2[HT_LEGS];   /**< low pass of what the mean over a period is more (ht_look.h) */
+    float sum_A2[HT_LEGS];
+    float turns; /**< times that all legs have had theirs */
+} ht_heat_samples;
+
+typedef struct {
+    ht_heat_samples gathered; /**< the fast interrupt's */
+    ht_heat_samples handed;   /**< for the slow one */
+    volatile uint16_t full;   /**< 1: `handed` is there, 0: it may be filled */
+    float turns;              /**< low pass of the turns that were handed over */
+    float square_A2[HT_LEGS]; /**< mean squared samples */
+    float more_A2[HT_LEGS];   /**< low pass of the part that they miss (ht_look.h) */
     float sum_A2[HT_LEGS];    /**< since the latest step */
     float frame_sum_W;
     float summed; /**< slow interrupts since then */
@@ -78,6 +88,13 @@ typedef struct {
 
 /** Mean square of a leg's current. */
 float ht_heat_square_A2(const ht_heat_state *st, int leg);
+
+/** Fast interrupt, at the end of a turn while `full` is 0: what was gathered is the slow one's. */
+void ht_heat_hand_over(ht_heat_state *st);
+
+/** Slow interrupt: takes them. Each sample counts alike: a low pass that the slow interrupt looked into
+ *  showed a current of half its frequency always at the same phase. */
+void ht_heat_take(const ht_heat_config *cfg, ht_heat_state *st);
 
 /** A cold machine. */
 void ht_heat_reset(ht_heat_state *st);

@@ -336,3 +336,45 @@ def test_before_any_current_r_s_tells_the_temperature_of_all_parts(make):
     at_20 = v["rs_ohm"] / (1 + COPPER * (v["rs_degC"] - 20))
     lib.ht_heat_built(cfg, state, at_20 * (1 + COPPER * (degC - 20)))
     assert temperatures(cfg, state) == pytest.approx([degC] * 7, abs=0.01)
+
+
+def hand_over(state, sums_A2, turns):
+    """What the fast interrupt has gathered, as it does it."""
+    assert state.full == 0
+    state.gathered.turns = turns
+    for leg in range(6):
+        state.gathered.sum_A2[leg] = sums_A2[leg]
+    lib.ht_heat_hand_over(state)
+    assert state.full == 1
+
+
+def test_the_mean_square_is_the_ratio_of_the_low_passes_of_sums_and_turns(make):
+    """In some slow periods a leg has one sample, in others three: each sample counts alike."""
+    cfg, state = make()
+    lib.ht_heat_reset(state)
+    rng = np.random.default_rng(7)
+    gain = cfg.sample_gain
+    sums, turns = np.zeros(6), 0.0
+    assert 0 < gain < 1
+    for _ in range(200):
+        now = rng.integers(1, 4)
+        squares = rng.uniform(0, 50, (now, 6)).sum(axis=0)
+        hand_over(state, squares, now)
+        lib.ht_heat_take(cfg, state)
+        lib.ht_heat_take(cfg, state)  # there is nothing new: nothing happens
+        sums += gain * (squares - sums)
+        turns += gain * (now - turns)
+        np.testing.assert_allclose(list(state.square_A2), sums / turns, rtol=2e-5)
+        assert state.gathered.turns == 0 and not any(state.gathered.sum_A2)
+
+
+def test_a_current_of_half_the_slow_interrupts_frequency_has_its_mean_square(make):
+    """At any phase: its square has the slow interrupt's own frequency."""
+    cfg, state = make()
+    for phase in np.linspace(0, np.pi, 7):
+        lib.ht_heat_reset(state)
+        for period in range(40):
+            times = period + np.arange(10) / 10
+            hand_over(state, [np.sum(np.cos(np.pi * times + phase) ** 2)] * 6, 10)
+            lib.ht_heat_take(cfg, state)
+        assert lib.ht_heat_square_A2(state, 0) == pytest.approx(0.5, rel=1e-4)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from campaigns import part
 from waiting import until_it_runs
 
 from hexatorque import SimulatedDrive, firmware, load
@@ -19,12 +20,15 @@ def loss_W(i_A, vdc_V=250.0, f_Hz=10e3):
     return DROP_V * i_A + OHM * i_A**2 + 1e-9 * NJ_VA * f_Hz * vdc_V * i_A
 
 
+def rated_A(setup):
+    machine = SimulatedDrive(setup).machine
+    return machine.current_A(setup["rated.torque_Nm"], setup.parameter("flux_ref_Wb"))
+
+
 def drive(scheme="db-dtfc", **changes):
     setup = load(NAME)
-    machine = SimulatedDrive(setup).machine
-    current_A = machine.current_A(setup["rated.torque_Nm"], setup.parameter("flux_ref_Wb"))
     stage = {
-        "device_K_W": RISE_K / loss_W(current_A), "device_s": TAU_S, "device_ohm": OHM,
+        "device_K_W": RISE_K / loss_W(rated_A(setup)), "device_s": TAU_S, "device_ohm": OHM,
         "device_nJ_VA": NJ_VA, "drop_V": DROP_V, "ambient_degC": SINK_DEGC,
     }  # fmt: skip
     paths = {f"controller.{key}": value for key, value in stage.items()}
@@ -104,6 +108,50 @@ def test_what_follows_from_the_plants_chains_is_never_below_its_hottest_junction
         true_K = sim.junctions.junction_degC.max() - setup["heat.ambient_degC"]
         seen_K = sim.controller.channel("device_degC") - setup["heat.ambient_degC"]
         assert true_K > 12 and true_K < seen_K < 2.4 * true_K, (true_K, seen_K)
+
+
+#: With magnets a leg that stands has the amplitude for as long as the load lasts.
+STANDING = [("paper-a-feasible", "ddr"), ("paper-a-feasible", "db-dtfc"), ("paper-b", "foc"),
+            ("magnet-surface", "ddr"), ("magnet-surface", "foc")]  # fmt: skip
+
+
+def standing(name, scheme):
+    """A drive that stands under its rated torque, its chains those of above for its current."""
+    share = rated_A(load(NAME)) / rated_A(load(name))
+    chains = {
+        key: [share * K_W for K_W in value] if key.endswith("_K_W") else value
+        for key, value in CHAINS.items()
+    }
+    latency = "predicted" if firmware.needs_prediction(scheme) else load(name)["timing.latency"]
+    setup = load(name).changed(
+        {"controller.scheme": scheme, "timing.latency": latency, "load.kind": "constant", **chains}
+    )
+    torque_Nm = setup["rated.torque_Nm"]
+    sim = SimulatedDrive(setup.changed({"controller.torque_limit_Nm": 1.7 * torque_Nm}), 1)
+    until_it_runs(sim)
+    sim.load_Nm = torque_Nm
+    sim.run(2.5, record=False)
+    assert (sim.state, sim.faults) == ("run", [])
+    return sim, torque_Nm
+
+
+@pytest.mark.parametrize(("name", "scheme"), part(STANDING, 3))
+def test_an_overload_at_standstill_trips_before_a_junction_passes_the_trips_level(name, scheme):
+    """A level 20 % above the rise under rated torque, which does not trip. Half as much torque
+    again makes at least 1.4 times that rise: the threshold's loss grows with the current."""
+    sim, torque_Nm = standing(name, scheme)
+    ambient_degC = sim.setup["heat.ambient_degC"]
+    trip_degC = ambient_degC + 1.2 * (sim.controller.channel("device_degC") - ambient_degC)
+    sim.set_many({"device_limit_degC": trip_degC, "device_trip_degC": trip_degC})
+    sim.run(1.0, record=False)
+    assert sim.state == "run"
+    hottest_degC = 0.0
+    for step in range(100):
+        sim.load_Nm = torque_Nm * min(1.5, 1.0 + 0.1 * step)
+        sim.run(0.02, record=False)
+        hottest_degC = max(hottest_degC, sim.junctions.junction_degC.max())
+    assert sim.faults == ["power stage hot"]
+    assert hottest_degC < trip_degC, (hottest_degC, trip_degC)
 
 
 def test_warning_then_a_pulled_limit_then_a_trip():

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 #: Orders of the harmonics that the magnets' flux may have besides the fundamental.
 ORDERS = (5, 7, 11, 13)
@@ -34,6 +35,9 @@ class Parameters:
     cogging_Nm: float = 0.0  #: amplitude of the cogging torque
     cogging_per_rev: int = 36  #: its periods in a revolution
     start_deg: float = 0.0  #: electrical angle of the d axis at the beginning
+    #: Flux linkages against currents, of the plant alone: its FluxMap, or where nothing simulates
+    #: the name of their file. "": L_d, L_q and psi_f are constant.
+    flux_map: Any = ""
     leads: tuple[int, ...] = (1, 2, 3, 4, 5, 6)  #: phase on each leg, 1 is u1
     displacement_deg: float = 30.0  #: of set 2 from set 1, electrical
 
