@@ -11,7 +11,9 @@ from hexatorque.evidence.studies import machines, magnets, plates
 from hexatorque.experiments.acceptance import accept
 from hexatorque.plant.machines.induction_parameters import Parameters
 from hexatorque.setups import new, published
+from hexatorque.setups.design import Design
 from hexatorque.setups.nameplate import circuit_of
+from hexatorque.setups.review import review, verdict_of
 
 
 @pytest.mark.parametrize("number", range(0, 200, 23))
@@ -157,6 +159,35 @@ def test_no_encoder_fault_by_ripple_or_reversal(number, way, scheme, course):
     of = machines.told(machines.truth(number), way)
     setup = machines.drive(machines.truth(number), of.setup.with_scheme(scheme), number)
     accept(setup, course, (of.speed_rpm, of.torque_Nm))
+
+
+def test_a_flux_step_above_a_tenth_of_the_flux_stops_no_drive_below_the_flux_trip():
+    true = machines.truth(154)
+    of = machines.told(true, LEAST)
+    setup = of.setup.with_scheme("ddr")
+    d = Design(setup, setup.parameter)
+
+    def judged(trip_Wb):
+        changed = setup.changed(controller__flux_trip_Wb=trip_Wb)
+        found = review(changed, ["ddr"], steady=False)
+        return next(f for f in found if f.subject == "flux step of one period")
+
+    step_Wb = judged(2 * d.flux_Wb).value
+    assert judged(2 * d.flux_Wb).verdict == "note" and step_Wb > 0.1 * d.flux_Wb
+    assert judged(d.flux_Wb + 0.99 * step_Wb).verdict == "bad"
+    assert machines._tried(true, of, "ddr", 154) == ""
+
+
+#: What decides on the bench: L_xy half as large, leakage three times as small, leakage twice.
+DOUBTED = [(242, PLATE, "dtc3"), (53, COS_PHI, "fdr"), (85, PLATE, "ddr-ml")]
+
+
+@pytest.mark.parametrize(("number", "way", "scheme"), part(DOUBTED, 3))
+def test_check_doubts_a_scheme_that_the_true_machine_stops(number, way, scheme):
+    true = machines.truth(number)
+    of = machines.told(true, way)
+    assert machines._tried(true, of, scheme, number) != ""
+    assert verdict_of(review(of.setup, [scheme], steady=False), scheme) == "doubtful"
 
 
 def row(way, verdict, reason):
