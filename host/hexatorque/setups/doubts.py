@@ -12,19 +12,17 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from .design import Design
 from .estimate import spread
+from .finding import Finding
 from .keys import ESTIMATED, LXY_LEAST, LXY_SHARE
 from .setup import Setup
 from .values import Value
 
-if TYPE_CHECKING:
-    from .review import Finding
-
 #: The findings of a scheme, always the same ones in the same order.
-Rows = Callable[[Design], "list[Finding]"]
+Rows = Callable[[Design], list[Finding]]
 MEASURED_BY = "hexatorque board commission measures it"
 #: How near a threshold is told, as a factor.
 THRESHOLD = 1.01

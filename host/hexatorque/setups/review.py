@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 from .. import chips
@@ -34,6 +34,7 @@ from .derived import (
 from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Demand, Design, rad_s
 from .doubts import judged
 from .estimate import MAIN_OVER_LEAKAGE, PRODUCT, published_kW, usual
+from .finding import NOT_READY, Finding
 from .keys import KEYS
 from .mean_torque import held
 from .published import equal_leakages
@@ -71,40 +72,12 @@ PEAK = "current at the torque limit, ripple and x-y current"
 NEAR = 0.85
 #: Gain of the x-y loop in one period that leaves a margin to where it is unstable.
 XY_GAIN_MOST = 0.9
-#: Verdicts with which a scheme is not ready, the worse one first.
-NOT_READY = ("bad", "doubtful")
 SWITCHES = "switching frequency at full voltage, about"
 #: The level that is proposed for braking lies at this share of the way from the source's voltage to
 #: the highest one, with a band of the second share at least.
 LEVEL_SHARE, BAND_SHARE = 0.8, 0.2
 #: A lower level must be above this share of vdc_min_V (VDC_LOW), and a margin.
 LOW_SHARE = 1.05
-
-
-@dataclass(frozen=True)
-class Finding:
-    subject: str
-    value: float
-    sign: str  #: "<=" or ">=": what the value must be against the limit; "" without a limit
-    limit: float
-    unit: str
-    verdict: str  #: "ok", "note", "doubtful" or "bad"
-    advice: str  #: what to change; empty if there is nothing to change
-    scheme: str = ""  #: of one scheme only
-    where: str = ""  #: of another machine only, in the range of an estimate
-    runs: str = ""  #: where an estimate decides: with which value the scheme runs
-
-    @property
-    def stops(self) -> bool:
-        """Whether the drive cannot run with the values of the set-up."""
-        return self.verdict in NOT_READY and not self.where
-
-    @property
-    def what(self) -> str:
-        return f"{self.subject}, with {self.where}" if self.where else self.subject
-
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def at_most(
