@@ -16,7 +16,7 @@ from .output import console_of, print_json
 #: Width of a review that goes into a file or a pipe.
 PIPED = 120
 #: Colours of the verdicts.
-STYLE = {"ok": "green", "note": "yellow", "bad": "bold red"}
+STYLE = {"ok": "green", "note": "yellow", "doubtful": "bold yellow", "bad": "bold red"}
 
 
 def at_terminal() -> bool:
@@ -112,9 +112,9 @@ def check(setup, schemes, settings, everything, as_json) -> int:
     """Review a set-up before anything runs.
 
     Compares currents, voltages, steps and gains with their limits, suggests changes, gives the mean
-    torque that each scheme holds, and names the schemes that are ready. Ends with 1 if the drive
-    cannot run: if a finding of all schemes is bad, or one of the set-up's own scheme or of a scheme
-    that was asked for.
+    torque that each scheme holds, and names the schemes that are ready, and those of which an
+    estimate decides. Ends with 1 if the drive cannot run with the values of the set-up: if a
+    finding of all schemes is bad, or one of its own scheme or of a scheme that was asked for.
     """
     from .. import firmware, setups
     from ..setups.review import best, mean_torque_says, outcome, review
@@ -127,7 +127,7 @@ def check(setup, schemes, settings, everything, as_json) -> int:
     known = review(loaded, firmware.schemes())
     first, why = best(known, firmware.schemes())
     findings = [f for f in known if f.scheme in ("", *reviewed)]
-    bad = any(f.verdict == "bad" and f.scheme in ("", *own) for f in findings)
+    bad = any(f.stops and f.scheme in ("", *own) for f in findings)
     name = shlex.join([setup, *(word for text in settings for word in ("--set", text))])
     reached = outcome(findings, reviewed, scheme, name, first)
     if as_json:
@@ -157,16 +157,17 @@ def check(setup, schemes, settings, everything, as_json) -> int:
 
 
 def _print_notes(console, findings, rest: str) -> None:
-    """The findings, bad before notes. A line each, and one for the change; then how
+    """The findings, the worst first. A line each, and one for the change; then how
     many there are, with the `rest` of this line."""
     from rich.markup import escape
     from rich.padding import Padding
 
-    shown = [f for verdict in ("bad", "note") for f in findings if f.verdict == verdict]
+    worst = list(STYLE)[:0:-1]
+    shown = [f for verdict in worst for f in findings if f.verdict == verdict]
     for f in shown:
         limit = f": {f.value:.4g} {f.unit}".rstrip() + f", limit {f.limit:.4g}" if f.sign else ""
         of = f"{f.scheme}: " if f.scheme else ""
-        console.print(f"[{STYLE[f.verdict]}]{f.verdict:4}[/]  {escape(of + f.subject + limit)}")
+        console.print(f"[{STYLE[f.verdict]}]{f.verdict:4}[/]  {escape(of + f.what + limit)}")
         console.print(Padding(escape(f.advice), (0, 0, 0, 6), expand=False))
     with_limit = [f for f in findings if f.sign or f.verdict != "ok"]
     fine = len(with_limit) - len(shown)
@@ -187,5 +188,5 @@ def _table(findings):
             scheme = f.scheme
         limit = f"{f.sign} {f.limit:.4g}" if f.sign else ""
         verdict = f"[{STYLE[f.verdict]}]{f.verdict}[/]"
-        table.add_row(f.scheme, f.subject, f"{f.value:.4g}", limit, f.unit, verdict)
+        table.add_row(f.scheme, f.what, f"{f.value:.4g}", limit, f.unit, verdict)
     return table

@@ -395,14 +395,8 @@ def _stiff_Hz(k: Known) -> float:
     return min(enough, default=max(fit))
 
 
-def _tag(k: Known, name: str) -> str:
-    """The source of a value of the machine."""
-    given = k.setup.values["machine"].get(name)
-    return given.tag if given else ""
-
-
 def _estimated_inertia(k: Known) -> bool:
-    return _tag(k, "inertia_kgm2") == ESTIMATED
+    return k.tag("inertia_kgm2") == ESTIMATED
 
 
 def _f_slow_Hz(k: Known) -> float:
@@ -455,7 +449,7 @@ def _crossover_Hz(k: Known) -> float:
 def _flux_check(k: Known) -> float:
     moved_Wb_s = RESISTANCE_OFF * k["rs_ohm"] * k.current_A(k["torque_limit_Nm"])
     known = max(0.7, 1.5 * k.ripple, k.rotor_s * moved_Wb_s / k.flux_Wb)
-    told = _tag(k, "lm_H") in (USER, ESTIMATED)
+    told = k.tag("lm_H") in (USER, ESTIMATED)
     return min(known + (1 - 1 / MORE_MAIN if told else 0.0), 10.0)
 
 

@@ -89,6 +89,11 @@ class Design:
         """The linear machine at the flux reference."""
         return self.unsaturated if self.magnets else self.unsaturated.linear_at(self.flux_Wb)
 
+    def tag(self, name: str) -> str:
+        """The source of a value of the machine; empty if no file gives it."""
+        given = self.setup.values["machine"].get(name)
+        return given.tag if given else ""
+
     @property
     def winding(self) -> int:
         """Number of the winding, the firmware's ht_winding."""

@@ -3,14 +3,15 @@
 Every finding compares a value with a limit and says what to change. The values follow from the
 set-up by formulas, without simulation; the mean torque under a switching table from the firmware's
 law (`mean_torque`). A limit beyond which the drive cannot do its work, or may
-trip, is "bad"; one beyond which it works, but not well, is a "note".
+trip, is "bad"; one beyond which it works, but not well, is a "note". Where an estimate decides
+whether something of a scheme is bad, it is "doubtful".
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 from .. import chips
@@ -31,7 +32,9 @@ from .derived import (
     write_delay_us,
 )
 from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Demand, Design, rad_s
+from .doubts import judged
 from .estimate import MAIN_OVER_LEAKAGE, PRODUCT, published_kW, usual
+from .finding import NOT_READY, Finding
 from .keys import KEYS
 from .mean_torque import held
 from .published import equal_leakages
@@ -67,27 +70,14 @@ REACH = "reach with the full flux"
 PEAK = "current at the torque limit, ripple and x-y current"
 #: Of the trip: a machine whose values are so far off may reach it.
 NEAR = 0.85
+#: Gain of the x-y loop in one period that leaves a margin to where it is unstable.
+XY_GAIN_MOST = 0.9
 SWITCHES = "switching frequency at full voltage, about"
 #: The level that is proposed for braking lies at this share of the way from the source's voltage to
 #: the highest one, with a band of the second share at least.
 LEVEL_SHARE, BAND_SHARE = 0.8, 0.2
 #: A lower level must be above this share of vdc_min_V (VDC_LOW), and a margin.
 LOW_SHARE = 1.05
-
-
-@dataclass(frozen=True)
-class Finding:
-    subject: str
-    value: float
-    sign: str  #: "<=" or ">=": what the value must be against the limit; "" without a limit
-    limit: float
-    unit: str
-    verdict: str  #: "ok", "note" or "bad"
-    advice: str  #: what to change; empty if there is nothing to change
-    scheme: str = ""  #: of one scheme only
-
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def at_most(
@@ -133,24 +123,33 @@ def review(setup: Setup, schemes: Iterable[str], steady: bool = True) -> list[Fi
         *_proposed_heat(design),
     ]
     for name in schemes:
-        found = [*_scheme(design, name), *(_steady(setup, design, name) if steady else ())]
+        found = [*_judged(design, name), *(_steady(setup, design, name) if steady else ())]
         findings += [replace(f, scheme=name) for f in _mended(setup, design, name, found)]
     findings = _with_others(findings)
     return [*findings, *_refused(setup, findings)]
 
 
-def ready_of(findings: Iterable[Finding], schemes: Iterable[str]) -> list[str]:
-    """The schemes of which nothing is bad; none if something of the set-up is."""
-    wrong = {f.scheme for f in findings if f.verdict == "bad"}
-    return [] if "" in wrong else [scheme for scheme in schemes if scheme not in wrong]
+def verdict_of(findings: Iterable[Finding], scheme: str) -> str:
+    """ "bad" if something of the scheme or of the set-up is, else "doubtful" if something of the
+    scheme is, else "ready"."""
+    found = {f.verdict for f in findings if f.scheme in ("", scheme)}
+    return next((verdict for verdict in NOT_READY if verdict in found), "ready")
+
+
+def ready_of(findings: Iterable[Finding], schemes: Iterable[str], kind: str = "ready") -> list[str]:
+    """The schemes that are ready, or of another kind."""
+    findings = list(findings)
+    return [scheme for scheme in schemes if verdict_of(findings, scheme) == kind]
 
 
 def best(findings: Iterable[Finding], schemes: Iterable[str]) -> tuple[str, str]:
-    """The best scheme that is ready, with the reason; empty if none is. That is the one with the
-    fewest notes (a current near the trip counts as one), of these the one that holds its mean
-    torque best, to a tenth of a percent, then the one with the largest reach."""
-    findings = list(findings)
-    ready = ready_of(findings, schemes)
+    """The best scheme that is ready, with the reason; if none is, of those that are doubtful; empty
+    if there are none. That is the one with the fewest notes (a current near the trip counts as
+    one), of these the one that holds its mean torque best, to a tenth of a percent, then the one
+    with the largest reach."""
+    findings, schemes = list(findings), list(schemes)
+    kind = "ready" if ready_of(findings, schemes) else "doubtful"
+    ready = ready_of(findings, schemes, kind)
 
     def value(scheme: str, subject: str) -> float:
         found = [f.value for f in findings if f.scheme == scheme and f.subject.startswith(subject)]
@@ -179,7 +178,7 @@ def best(findings: Iterable[Finding], schemes: Iterable[str]) -> tuple[str, str]
         f"full flux up to {value(first, REACH):.0f} r/min",
         f"switches at about {1e-3 * value(first, SWITCHES):.3g} kHz",
     ]
-    return first, f"best of {len(ready)} that are ready: {', '.join(parts)}"
+    return first, f"best of {len(ready)} that are {kind}: {', '.join(parts)}"
 
 
 def none_ready(findings: Iterable[Finding], schemes: Iterable[str]) -> str:
@@ -202,7 +201,7 @@ def _with_others(findings: list[Finding]) -> list[Finding]:
     first, _ = best(findings, names)
 
     def advised(f: Finding) -> Finding:
-        if f.scheme and f.verdict == "bad" and first:
+        if f.scheme and first and (f.verdict == "bad" or (ready and f.verdict == "doubtful")):
             return replace(f, advice=f"{f.advice}; or take {first}")
         if f.subject.startswith(MEAN_PCT) and f.verdict == "note" and hold:
             return replace(f, advice=f"{f.advice}; or take {' or '.join(hold[:3])}")
@@ -213,7 +212,7 @@ def _with_others(findings: list[Finding]) -> list[Finding]:
 
 def _mended(setup: Setup, d: Design, name: str, found: list[Finding]) -> list[Finding]:
     """Where the faster sampling alone makes a scheme ready, the advice says so."""
-    wrong = [f for f in found if f.verdict == "bad"]
+    wrong = [f for f in found if f.verdict in NOT_READY]
     if not wrong or d.parameter("f_isr_Hz") >= F_ISR_FAST_HZ:
         return found
     try:
@@ -221,10 +220,19 @@ def _mended(setup: Setup, d: Design, name: str, found: list[Finding]) -> list[Fi
     except SetupError:
         return found
     other = Design(faster, parameters(faster).__getitem__)
-    if any(f.verdict == "bad" for f in (*_fits(other), *_scheme(other, name))):
+    if any(f.verdict in NOT_READY for f in (*_fits(other), *_judged(other, name))):
         return found
     told = f"set controller.f_isr_Hz = {F_ISR_FAST_HZ:g}: {name} is ready then"
-    return [replace(f, advice=told) if f in wrong else f for f in found]
+
+    def helped(f: Finding) -> Finding:
+        return replace(f, advice=told if f.verdict == "bad" else f"{f.advice}, or {told}")
+
+    return [helped(f) if f in wrong else f for f in found]
+
+
+def _judged(d: Design, name: str) -> list[Finding]:
+    """The findings of a scheme, and what estimates leave open about them."""
+    return judged(d, lambda other: list(_scheme(other, name)))
 
 
 def refuse_impossible(setup: Setup) -> None:
@@ -363,16 +371,21 @@ def unusual(findings: Iterable[Finding]) -> list[str]:
 
 @dataclass(frozen=True)
 class Outcome:
-    """ready: schemes that can work; not_ready: the others, each with its first bad finding. text:
-    all of it in one line."""
+    """ready: schemes that can work; not_ready: those that cannot, and doubtful: those that may,
+    each with its first finding of this kind. text: all of it in one line."""
 
     ready: tuple[str, ...]
+    doubtful: dict[str, Finding]
     not_ready: dict[str, Finding]
     text: str
 
     def as_json(self) -> dict[str, Any]:
-        reasons = {scheme: _why(f) for scheme, f in self.not_ready.items()}
-        return {"ready": self.ready, "not_ready": reasons, "verdict": self.text}
+        doubts, reasons = (
+            {scheme: _why(f) for scheme, f in of.items()} for of in (self.doubtful, self.not_ready)
+        )
+        return {
+            "ready": self.ready, "doubtful": doubts, "not_ready": reasons, "verdict": self.text
+        }  # fmt: skip
 
 
 def mean_torque_says(findings: Iterable[Finding]) -> str:
@@ -400,31 +413,41 @@ def outcome(
     if general := [f for f in bad if not f.scheme]:
         more = f" ({len(general) - 1} more like this)" if len(general) > 1 else ""
         text = f"not ready: {_why(general[0])}; next: {general[0].advice}{more}, {again}"
-        return Outcome((), dict.fromkeys(schemes, general[0]), text)
-    wrong = {scheme: f for scheme in schemes for f in reversed(bad) if f.scheme == scheme}
-    ready = tuple(scheme for scheme in schemes if scheme not in wrong)
+        return Outcome((), {}, dict.fromkeys(schemes, general[0]), text)
+    wrong = _first_of(bad, schemes)
+    open_yet = _first_of([f for f in findings if f.verdict == "doubtful"], schemes)
+    doubtful = {scheme: f for scheme, f in open_yet.items() if scheme not in wrong}
+    ready = tuple(ready_of(findings, schemes))
     best_one = first or best(findings, schemes)[0]
     parts = [f"ready: {', '.join(ready)}" if ready else "no scheme is ready"]
-    reasons: dict[str, list[str]] = {}
-    for scheme, f in wrong.items():
-        reasons.setdefault(f.subject, []).append(scheme)
-    for names in reasons.values():
-        parts.append(f"not: {', '.join(names)}, because {_why(wrong[names[0]])}")
+    for kind, of in (("doubtful", doubtful), ("not", wrong)):
+        reasons: dict[str, list[str]] = {}
+        for scheme, f in of.items():
+            reasons.setdefault(f.what, []).append(scheme)
+        for names in reasons.values():
+            parts.append(f"{kind}: {', '.join(names)}, because {_why(of[names[0]])}")
+    possible = (*ready, *doubtful)
     if own in wrong and best_one:
         step = f'set controller.scheme = "{best_one}", {again}'
-    elif not ready:
+    elif not possible:
         step = f"{wrong[schemes[0]].advice}, {again}"
     else:
-        most = [scheme for scheme in (own, best_one, *ready) if scheme in ready][:4]
+        most = [scheme for scheme in (own, best_one, *possible) if scheme in possible][:4]
         step = f"hexatorque compare --setup {name} --schemes {','.join(dict.fromkeys(most))}"
-    return Outcome(ready, wrong, "; ".join([*parts, f"next: {step}"]))
+    return Outcome(ready, doubtful, wrong, "; ".join([*parts, f"next: {step}"]))
+
+
+def _first_of(findings: list[Finding], schemes: list[str]) -> dict[str, Finding]:
+    """The first of these findings of each scheme that has one."""
+    return {scheme: f for scheme in schemes for f in reversed(findings) if f.scheme == scheme}
 
 
 def _why(f: Finding) -> str:
     if not f.sign:
-        return f"{f.subject}: {f.advice}"
+        return f"{f.what}: {f.advice}"
     beyond = "above" if f.sign == "<=" else "below"
-    return f"{f.subject} is {f.value:.4g} {f.unit}".rstrip() + f", {beyond} {f.limit:.4g}"
+    why = f"{f.what} is {f.value:.4g} {f.unit}".rstrip() + f", {beyond} {f.limit:.4g}"
+    return f"{why} ({f.runs})" if f.runs else why
 
 
 def _or_profile(d: Design, link_V: float) -> str:
@@ -982,7 +1005,11 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         "widen controller.torque_band_Nm: the torque cannot be kept in it", "note",
     )  # fmt: skip
     flux_Wb = d.flux_step_Wb(d.period_s, vector_pu)
-    yield at_most("flux step of one period", flux_Wb, 0.1 * d.flux_Wb, "Wb", faster)
+    # What it does to the current is in PEAK. The flux itself trips when it is too large.
+    yield graded(
+        "flux step of one period", flux_Wb, 0.1 * d.flux_Wb, p("flux_trip_Wb") - d.flux_Wb, "Wb",
+        faster,
+    )  # fmt: skip
     yield at_most(
         "flux step against the band", flux_Wb, 8 * p("flux_band_Wb"), "Wb",
         "widen controller.flux_band_Wb", "note",
@@ -993,10 +1020,10 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         f"{_more_current(d, lambda d: _peak_A(d, row))}, {faster}",
     )  # fmt: skip
     if row.regulated:
-        gain = 2 * p("kp_xy_pu_A") * d.vdc_V * d.period_s / d.machine.lxy_H
         yield at_most(
-            "gain of the x-y loop in one period", gain, 0.9, "",
-            "lower controller.kp_xy_pu_A: the loop becomes unstable at 1",
+            "gain of the x-y loop in one period", _xy_gain(d), XY_GAIN_MOST, "",
+            "lower controller.kp_xy_pu_A: the loop becomes unstable at 1, and the x-y current "
+            "swings", "note",
         )  # fmt: skip
     yield from _reach(d, row, by_table=True)
     kind = "single" if single else "virtual L" if virtual else "pair"
@@ -1135,7 +1162,23 @@ def _xy_A(d: Design, row: Any) -> float:
 
     step_A = lib.ht_scheme_xy_step_pu(row, d.winding) * d.vdc_V * d.period_s / d.machine.lxy_H
     single = row.vectors == lib.HT_VECTORS_SINGLE
-    return _single_xy_A(d, step_A) if single and step_A else step_A
+    return _single_xy_A(d, step_A) if single and step_A else step_A + _swing_A(d, row)
+
+
+def _xy_gain(d: Design) -> float:
+    """Of the regulator of a table, in one period."""
+    return 2 * float(d.parameter("kp_xy_pu_A")) * d.vdc_V * d.period_s / d.machine.lxy_H
+
+
+def _swing_A(d: Design, row: Any) -> float:
+    """The x-y current that the regulator of a table makes if it is unstable. It answers the current
+    of the period before: i(n+1) = i(n) - gain i(n-1) grows from a gain of 1 on. Then its voltage is
+    at its limit on either axis, to one side or the other. It turns a period after the current has
+    passed zero, so the current goes two steps far."""
+    if not row.regulated or _xy_gain(d) <= 1:
+        return 0.0
+    step_Wb = lib.ht_scheme_xy_limit_pu(row) * d.vdc_V * d.period_s
+    return 2 * math.sqrt(2) * step_Wb / d.machine.lxy_H
 
 
 def _single_xy_A(d: Design, step_A: float) -> float:

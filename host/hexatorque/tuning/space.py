@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from .. import firmware
 from ..setups import Setup, parameters
+from ..setups.review import XY_GAIN_MOST
 from ..setups.values import Value
 
 #: A parameter may move between its value divided by this and times this.
@@ -17,8 +18,6 @@ DIGITS = 4
 #: The corner of the speed loop, k_p/J, is at most this share of its sampling frequency
 #: (`review`: "corner of the speed loop").
 CORNER_SHARE = 2 * math.pi / 10
-#: The gain of the x-y loop in one period, 2 k_p Vdc T_s/L_xy, is at most this (`review`).
-XY_GAIN_MOST = 0.9
 SPEED_LOOP = ("kp_speed_Nms_rad", "ki_speed_Nm_rad")
 #: Above this share of Vdc no scheme reaches: a larger kappa_from_pu changes nothing.
 KAPPA_FROM_MOST = 0.62

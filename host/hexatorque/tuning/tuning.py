@@ -212,7 +212,7 @@ class Judge:
     def _refused(self, setup: Setup) -> set[str]:
         """The findings that `check` calls bad."""
         scheme = str(setup.parameter("scheme"))
-        return {f.subject for f in review(setup, [scheme], steady=False) if f.verdict == "bad"}
+        return {f.subject for f in review(setup, [scheme], steady=False) if f.stops}
 
     def robust(self, case: tuple[dict[str, float], tuple[str, str, float]]) -> str:
         """Why a candidate does not hold with an error; "" if it does."""

@@ -25,7 +25,7 @@ NOT_READY = ("small", "dtc3")
 @pytest.mark.parametrize(
     ("name", "scheme"), part([(name, scheme) for name in COURSES for scheme in SCHEMES], 4)
 )
-def test_what_check_calls_ready_runs_its_profile_to_the_end(tmp_path, capsys, name, scheme):
+def test_what_check_lets_run_runs_its_profile_to_the_end(tmp_path, capsys, name, scheme):
     machine, point, top_rpm, load_Nm = COURSES[name]
     (tmp_path / "mine.toml").write_text(machine + point)
     first = tmp_path / "first.toml"
@@ -35,10 +35,12 @@ def test_what_check_calls_ready_runs_its_profile_to_the_end(tmp_path, capsys, na
         f"load_Nm = [[2, {load_Nm}], [2.6, 0], [5, -{load_Nm}], [5.6, 0]]\n"
     )
     assert main(["check", str(first), "--json"]) == ((name, scheme) == NOT_READY)
+    told = json.loads(capsys.readouterr().out)
     if (name, scheme) == NOT_READY:
-        assert "x-y current" in json.loads(capsys.readouterr().out)["not_ready"][scheme]
+        assert "x-y current" in told["not_ready"][scheme]
         return
-    assert scheme in json.loads(capsys.readouterr().out)["ready"]
+    # Nobody has told the L_xy of these machines: on the bench some schemes may need more of it.
+    assert scheme in (*told["ready"], *told["doubtful"])
     run = tmp_path / "run.npz"
     assert main(["run", str(first), "-o", str(run)]) == 0, capsys.readouterr().err
     rec = Recording.load(run)

@@ -38,7 +38,7 @@ from ...setups import Setup, SetupError, estimate, new, published
 from ...setups.design import REACH_PU, USABLE, Design
 from ...setups.keys import LXY_LEAST, TIMING_OWNS
 from ...setups.nameplate import FRICTION, IRON, Circuit, Nameplate, pull_out_ratio
-from ...setups.review import best, ready_of, review
+from ...setups.review import best, review, verdict_of
 from . import magnets
 from .commissioning import disturbed
 from .grids import Grid
@@ -57,7 +57,8 @@ WAYS = {
     magnets.WAY: 0.98,
 }
 OTHER_WAYS = [way for way in WAYS if way != magnets.WAY]
-#: Of what `check` passes this share must hold, of what it calls bad this share must fail.
+#: Of what `check` passes this share must hold, of what it calls bad this share must fail. What it
+#: doubts is neither: an estimate decides.
 HOLDS, FAILS = 0.98, 0.90
 WRITTEN = "as `new` writes it"
 
@@ -305,15 +306,14 @@ def row(number: int, way: str) -> dict[str, Any]:
         findings = review(of.setup, schemes)
     except SetupError as error:
         return {**found, "refused": str(error)}
-    ready = ready_of(findings, schemes)
     written = best(findings, schemes)[0] or new.FALLBACK
     chosen = [written]
     if with_magnets or OTHER_WAYS[number // len(schemes) % len(OTHER_WAYS)] == way:
         chosen.append(schemes[number % len(schemes)])
     for scheme in dict.fromkeys(chosen):
         found["tried"][scheme] = {
-            "ready": scheme in ready,
-            "bad": [f.subject for f in findings if f.verdict == "bad" and f.scheme in ("", scheme)],
+            "verdict": verdict_of(findings, scheme),
+            "wrong": [f.what for f in findings if f.stops and f.scheme in ("", scheme)],
             "reason": _tried(true, of, scheme, number),
         }
     return {**found, "written": written}
@@ -339,10 +339,18 @@ def study(
 
 def _outcomes(rows: Iterable[dict], scheme: str) -> list[dict]:
     """One that `new` refuses is neither ready nor driven."""
-    refused = {"ready": False, "bad": ["refused"], "reason": "refused"}
+    refused = {"verdict": "bad", "wrong": ["refused"], "reason": "refused"}
     if scheme == WRITTEN:
         return [r["tried"].get(r["written"], refused) for r in rows]
     return [r["tried"][scheme] for r in rows if scheme in r["tried"]]
+
+
+def _by_verdict(found: list[dict]) -> tuple[list[dict], list[dict], list[dict]]:
+    """Those that `check` passes, those that it doubts, those that it calls bad."""
+    ready, doubtful, bad = (
+        [f for f in found if f["verdict"] == verdict] for verdict in ("ready", "doubtful", "bad")
+    )
+    return ready, doubtful, bad
 
 
 def _driven(found: list[dict]) -> int:
@@ -362,8 +370,7 @@ def failures(result: dict) -> list[str]:
         found = _outcomes([r for r in result["rows"] if r["way"] == way], WRITTEN)
         needs(f"{way}, as new writes it", _driven(found), len(found), share)
     every = [f for r in result["rows"] for f in r["tried"].values()]
-    allowed = [f for f in every if f["ready"]]
-    others = [f for f in every if not f["ready"]]
+    allowed, _, others = _by_verdict(every)
     needs("check passes, and it holds", _driven(allowed), len(allowed), HOLDS)
     needs("check says bad, and it fails", len(others) - _driven(others), len(others), FAILS)
     return lines
@@ -384,22 +391,27 @@ def grid(result: dict) -> Grid:
     rows = []
     for scheme in (WRITTEN, *firmware.schemes()):
         found = _outcomes(result["rows"], scheme)
-        allowed = [f for f in found if f["ready"]]
-        others = [f for f in found if not f["ready"]]
+        allowed, doubted, others = _by_verdict(found)
         rows.append(
             [
                 scheme,
                 f"{_driven(allowed)} of {len(allowed)}",
+                f"{_driven(doubted)} of {len(doubted)}",
                 f"{len(others) - _driven(others)} of {len(others)}",
             ]
         )
-    heads = ["scheme", "`check` passes, and it is driven", "`check` says bad, and it fails"]
+    heads = [
+        "scheme",
+        "`check` passes, and it is driven",
+        "`check` doubts, and it is driven",
+        "`check` says bad, and it fails",
+    ]
     return [*tables, ("What `check` said before", heads, rows)]
 
 
 def plot(result: dict, path: Path) -> Path:
-    """Draws the powers, one panel a way in, one line a scheme: driven, foreseen by `check`, not
-    foreseen."""
+    """Draws the powers, one panel a way in, one line a scheme: driven, foreseen by `check`,
+    doubted by it, not foreseen."""
     from ...analysis import plots
 
     schemes = (WRITTEN, *firmware.schemes())
@@ -407,15 +419,17 @@ def plot(result: dict, path: Path) -> Path:
     kinds = {
         "driven": ("o", plots.COLOUR["i_u1"]),
         "check says no": ("_", plots.COLOUR["i_x"]),
+        "check doubts": ("|", plots.COLOUR["i_x"]),
         "failed": ("x", plots.COLOUR["torque"]),
     }
+    foreseen = {"ready": "failed", "doubtful": "check doubts", "bad": "check says no"}
     for axis, way in zip(axes.flat, WAYS):
         points: dict[str, list] = {kind: [] for kind in kinds}
         of = [r for r in result["rows"] if r["way"] == way]
         for height, scheme in enumerate(reversed(schemes)):
             tried = [r for r in of if scheme == WRITTEN or scheme in r["tried"]]
             for r, f in zip(tried, _outcomes(tried, scheme)):
-                kind = "driven" if not f["reason"] else "failed" if f["ready"] else "check says no"
+                kind = "driven" if not f["reason"] else foreseen[f["verdict"]]
                 points[kind].append((r["power_kW"], height))
         for kind, (marker, colour) in kinds.items():
             powers, heights = ([point[k] for point in points[kind]] for k in (0, 1))
