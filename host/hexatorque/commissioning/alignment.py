@@ -200,4 +200,4 @@ def solve(readings: np.ndarray, pole_pairs: float, counts_rev: float) -> Alignme
     zero = middle - count_deg * float(counts[0])
     half = (zero + 180) % 360 - 180
     spread = math.hypot(doubt, METHOD_DEG, count_deg, 0.25 * friction_deg)
-    return Alignment((), ratio, Value(half, spread), friction_deg, curve)
+    return Alignment((), ratio, Value(half, spread), friction_deg=friction_deg, readings=curve)
