@@ -81,6 +81,10 @@ def bare(path: str, raw: object, known: dict) -> object:
         raise SetupError(f"unknown key {path}{suggest(key, known)}")
     value = raw.get("value") if isinstance(raw, dict) else raw
     spec = known[key]
+    if section != "controller" and spec.kind == "file":  # of the plant alone
+        if not isinstance(value, str):
+            raise SetupError(f"{path} = {value!r}: the name of a file is needed")
+        return value
     value = choice(value, spec.choices) if spec.choices else numeric(value)
     if section == "controller":
         return value

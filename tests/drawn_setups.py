@@ -2,9 +2,13 @@
 winding and kind of machine. The lists come from the tables, so that a new effect is drawn, too."""
 
 import re
+import tempfile
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 
 import numpy as np
+from flux_tables import Iron, written
 
 from hexatorque import firmware, setups
 from hexatorque.chips import DEVICES
@@ -72,6 +76,18 @@ def _chopper_V(name: str, setup: Setup) -> float:
     return setup["inverter.vdc_V"] * CHOPPER[name]
 
 
+@cache
+def _table(*of: float) -> str:
+    rows = Iron(*of[:3]).rows(of[3], 17)
+    return written(Path(tempfile.mkdtemp()) / "map.csv", rows)
+
+
+def _saturating(setup: Setup) -> str:
+    """A table of flux linkages for this machine."""
+    of = [setup[f"machine.{name}"] for name in ("psi_f_Wb", "ld_H", "lq_H")]
+    return _table(*of, 1.05 * setup.parameter("i_ab_trip_A"))
+
+
 def _value(rng: np.random.Generator, path: str, key: Key, setup: Setup) -> object:
     """A value that is not the default."""
     if path == "machine.leads":
@@ -83,6 +99,8 @@ def _value(rng: np.random.Generator, path: str, key: Key, setup: Setup) -> objec
     if path in CHANGES:
         size = min(setup[f"machine.{name}"] for name in CHANGES[path])
         return [float(x) for x in rng.uniform(-0.3, 0.3, 6) * size]
+    if key.kind == "file":
+        return _saturating(setup)
     if key.kind == "choice":
         return str(rng.choice([one for one in key.choices if one != str(key.default)]))
     if key.kind in ("phases", "harmonics", "pairs"):

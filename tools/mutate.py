@@ -77,7 +77,7 @@ QUICK_S = 0.3
 #: What the rules make of literals and types without knowing C: (2+1)u, 0.(3-1)f, 0.-1f, uint-1_t.
 NEVER_C = re.compile(r"\(\d+[+-]1\)[\w.]|\.\(|\d\.-\d|int-\d_t|int[01]_t")
 #: Several times what the tests need of the processor.
-C_LIMIT_S, LIMIT_S = 10, 150
+C_LIMIT_S, LIMIT_S = 10, 600
 
 
 # --- The build --------------------------------------------------------------------

@@ -37,6 +37,7 @@ from hexatorque.plant.breaks import breaks_of
 from hexatorque.plant.legs import KINDS
 from hexatorque.plant.load_kinds import LOADS
 from hexatorque.plant.loop import MORE_CHANNELS, PLANT_CHANNELS
+from hexatorque.plant.record import names_of
 from hexatorque.plant.vsd import PHASES
 from hexatorque.recording.recording import FORMAT
 from hexatorque.results import RESULTS
@@ -82,7 +83,8 @@ class Held:
 
     @property
     def model(self) -> str:
-        return self.setup["machine.model"]
+        saturates = "saturable" in names_of(self.sim._machine.dtype)
+        return f"{self.setup['machine.model']}{' with saturation' if saturates else ''}"
 
     def bytes(self) -> bytes:
         """`web_setup` of ht_web.c."""

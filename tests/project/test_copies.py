@@ -44,12 +44,6 @@ REASONS = {
         ("host/hexatorque/drive/interface.py", "host/hexatorque/drive/interface.py"),
         ("host/hexatorque/sweeps/study.py", "host/hexatorque/sweeps/study.py"),
     },
-    "models of machines know nothing of each other": {
-        (
-            "host/hexatorque/plant/machines/induction_parameters.py",
-            "host/hexatorque/plant/machines/magnet_parameters.py",
-        ),
-    },
 }
 
 

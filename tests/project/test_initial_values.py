@@ -146,6 +146,7 @@ def test_every_choice_has_its_number(tmp_path):
         ("[machine]\nrs_ohm = 'x'\n", "machine.rs_ohm = 'x': a number is needed"),
         ("[machine]\npsi_knee_Wb = 1e-200\n", "machine.psi_knee_Wb = 1e-200"),
         ("[timing]\nlatency = 'late'\n", "timing.latency = 'late': choose one of"),
+        ("[machine]\nflux_map = 3\n", "machine.flux_map = 3: the name of a file is needed"),
         ("[controller]\nscheme = 'ddt'\n", "controller.scheme = 'ddt': choose one of dtc1"),
         ("[controller]\nrs_ohm = 1e9\n", "controller.rs_ohm = 1e+09: allowed range is 0 .. 1000"),
         ("[controller]\nkappa_x = 1\n", "unknown key controller.kappa_x"),

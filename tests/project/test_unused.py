@@ -21,7 +21,7 @@ REASONS = {
         "__pydantic_config__", "CACHE_DIR", "w_m", "on_cell_start", "repo_url", "repo_name",
     },
     "registered by its decorator, which is how it is found": {
-        "list_parameters", "_", "_saturates",
+        "list_parameters", "_", "_saturates", "_current_of_kind", "_per_H_of_kind",
     },
     "the tool takes it by the name of the program that it measures": {
         "motulator", "gem", "own_gym", "gem_gym",

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from chromium import CUT_OFF, Chromium, program
+from example_setups import EXAMPLES
 from waiting import until
 
 import web
@@ -257,6 +258,9 @@ def test_misfits_are_told_as_the_simulation_tells_them(in_node):
 def test_a_setup_of_another_model():
     with pytest.raises(SetupError, match=r"^magnet-24v: machine.model = magnet: .*induction$"):
         web.held(["paper-b", "magnet-24v"])
+    saturating = str(EXAMPLES / "magnet-saturation.toml")
+    with pytest.raises(SetupError, match=r"model = magnet with saturation: .*here magnet$"):
+        web.held(["magnet-interior", saturating])
 
 
 def test_no_text_is_left_that_nothing_reads(built):

@@ -75,7 +75,7 @@ class Hardware:
             )
         self.samples_per_period = samples_per_period
         model = machines.model(setup["machine.model"])
-        self.machine = model.Parameters(**setup.machine_values())
+        self.machine = model.Parameters(**setup.plant_values())
         self._machine = model.make(self.machine)
         heat = {key: setup[f"heat.{key}"] for key in KEYS["heat"]}
         self.inverter = parts.inverter(

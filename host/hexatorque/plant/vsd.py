@@ -13,6 +13,8 @@ eq. 1.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from . import elementary
@@ -48,6 +50,11 @@ def transform(displacement_deg: float = 30.0) -> np.ndarray:
 #: The asymmetrical winding's.
 ANGLES_RAD = angles_rad()
 TRANSFORM = transform()
+
+
+def harmonics_in_xy(displacement_deg: float) -> bool:
+    """Whether the fifth and the seventh harmonic of the phases are in x-y, else in alpha-beta."""
+    return math.cos(6 * math.radians(displacement_deg)) < 0
 
 
 def inverse(displacement_deg: float = 30.0) -> np.ndarray:

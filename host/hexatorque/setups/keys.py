@@ -30,8 +30,8 @@ LATENCIES = ("none", "immediate", "shadow", "predicted")
 class Key:
     """One quantity of a set-up."""
 
-    #: "number", "integer", "phases" (six numbers), "harmonics", "pairs" (four each), "choice"; a
-    #: profile's too
+    #: "number", "integer", "phases" (six numbers), "harmonics", "pairs" (four each), "choice",
+    #: "file"; a profile's too
     kind: str
     help: str
     unit: str = ""
@@ -108,6 +108,12 @@ KEYS: dict[str, dict[str, Key]] = {
             default=(0.0,) * 4,
         ),
         "emf_deg": Key("harmonics", "their phases", "deg", min=-180, max=180, default=(0.0,) * 4),
+        "flux_map": Key(
+            "file",
+            "table id_A,iq_A,psi_d_Wb,psi_q_Wb of the true flux linkages; ld_H, lq_H, psi_f_Wb are "
+            "then what the drive takes them for",
+            default="",
+        ),
         "cogging_Nm": _n("cogging torque, amplitude", "N m", 0, MOST_NM, 0.0),
         "cogging_per_rev": Key("integer", "its periods in a revolution", "", 1, 10_000, default=36),
         "start_deg": _n("electrical angle of the d axis at the beginning", "deg", -360, 360, 0.0),
@@ -358,6 +364,11 @@ def foreign(values: Iterable[str], model: str) -> list[str]:
         if name not in known
     ]
 
+
+#: Values that name a file.
+FILES = {
+    f"{s}.{name}" for s, keys in KEYS.items() for name, key in keys.items() if key.kind == "file"
+}
 
 #: What 0 means, and the smallest other value: far below any machine's, and computable.
 ZERO_OR_AT_LEAST = {

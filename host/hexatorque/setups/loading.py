@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 from ..errors import InputError
 from ..given import choice, suggest, text_of
 from ..plant.machines import MODELS
-from .keys import KEYS, MODEL, SECTIONS, missing
+from .keys import FILES, KEYS, MODEL, SECTIONS, missing
 from .setup import Setup
 from .values import SetupError
 
@@ -48,6 +49,13 @@ def beside(name: str, folder: Path, builtin: Callable[[], list[str]] = builtin_n
     path = folder / name
     is_file = name not in builtin() and (path.suffix or path.exists())
     return str(path) if is_file else name
+
+
+def placed(value: Any, folder: Path) -> Any:
+    """The value of a key that names a file, or several of them, as a file in this folder has it."""
+    if isinstance(value, list):
+        return [placed(one, folder) for one in value]
+    return str(folder / value) if value and isinstance(value, str) else value
 
 
 def builtin_text(name: str) -> str:
@@ -101,6 +109,9 @@ def parse(source: str, name: str, folder: Path = Path(), *, whole: bool = True) 
         checked.get("defaults", start.defaults),
     )
     values = {section: checked.get(section, {}) for section in SECTIONS}
+    for section, key in (path.split(".") for path in FILES):
+        if file := values[section].get(key):
+            values[section][key] = replace(file, value=placed(file.value, folder))
     return setup.with_values(values) if whole else setup.with_part(values)
 
 

@@ -140,7 +140,17 @@ def _numbers(count: int, needed: str) -> Callable[[Key], Any]:
     ]
 
 
-_KINDS = {
+def _file(_key: Key) -> Any:
+    """The name of a file."""
+    return _Annotated[
+        str,
+        Field(strict=True),
+        _said(lambda value: f" = {value!r}: the name of a file is needed"),
+    ]
+
+
+_KINDS: dict[str, Callable[[Key], Any]] = {
+    "file": _file,
     "number": _number,
     "integer": _number,
     "choice": _choice,

@@ -145,6 +145,15 @@ class Setup:
             "displacement_deg": float(values["displacement_deg"]),
         }
 
+    def plant_values(self) -> dict[str, Any]:
+        """The same for a plant: what a file has instead of the file's name."""
+        values = self.machine_values()
+        if file := values.get("flux_map"):
+            from . import flux_table
+
+            values["flux_map"] = flux_table.of(file)
+        return values
+
     def _machine_keys(self) -> list[str]:
         """The keys of [machine] that the machine's model has."""
         known = constants_of(self["machine.model"]) | {MODEL}

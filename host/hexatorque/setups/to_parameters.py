@@ -137,6 +137,10 @@ def beside_the_plant(setup: Values) -> list[str]:
             )
     if setup["load.holding_Nm"] > 0 and float(values["brake_open_s"]) == 0:
         lines.append("load.holding_Nm needs controller.brake_open_s above 0: else nothing opens it")
+    if file := setup.machine_values().get("flux_map"):
+        from . import flux_table
+
+        lines += flux_table.refused(file, setup["machine.psi_f_Wb"], float(values["i_ab_trip_A"]))
     return lines or load_before_flux(setup)
 
 
@@ -172,6 +176,7 @@ NOT_ON_A_BOARD = {
         "viscous_Nms",
         "drs_ohm",
         "dlls_H",
+        "flux_map",
         "cogging_Nm",
         "cogging_per_rev",
         "start_deg",

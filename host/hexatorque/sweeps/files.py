@@ -11,7 +11,8 @@ from typing import Any
 from ..errors import HexatorqueError, InputError
 from ..given import suggest, text_of
 from ..setups import SetupError, load
-from ..setups.loading import beside
+from ..setups.keys import FILES
+from ..setups.loading import beside, placed
 from . import cycle
 from .errors import StudyError
 from .space import Draw
@@ -77,7 +78,7 @@ def read(path: Path | str, changes: Mapping[str, Any] | None = None) -> Study:
             if isinstance(value, bool) or not isinstance(value, kind):
                 raise StudyError(f"{name} = {value!r}: {needed} is needed")
         for name in ("vary", "default"):
-            data[name] = _flat(name, data.get(name, {}))
+            data[name] = _flat(name, data.get(name, {}), path.parent)
     except StudyError as error:
         raise StudyError(f"{path}: {error}") from None
     if "setup" in data:
@@ -90,6 +91,13 @@ def read(path: Path | str, changes: Mapping[str, Any] | None = None) -> Study:
         return make({**data, **changes})
     except (StudyError, SetupError) as error:
         raise _named(path, error) from None
+
+
+def _placed(given: Any, folder: Path) -> Any:
+    """Files that a study names are beside it, as the set-up is."""
+    if isinstance(given, Mapping):
+        return {name: placed(value, folder) for name, value in given.items()}
+    return placed(given, folder)
 
 
 def _named(path: Path, error: HexatorqueError) -> StudyError:
@@ -109,10 +117,12 @@ def make(data: Mapping[str, Any]) -> Study:
     return Study(setup, given.pop("vary", None), **given)
 
 
-def _flat(name: str, sections: Mapping[str, Any]) -> dict[str, Any]:
+def _flat(name: str, sections: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     found = {}
     for section, keys in sections.items():
         if not isinstance(keys, dict):
             raise StudyError(f"{name}.{section}: a table [{name}.{section}] is needed")
         found.update({f"{section}.{key}": value for key, value in keys.items()})
+    for path in FILES & found.keys():
+        found[path] = _placed(found[path], folder)
     return found

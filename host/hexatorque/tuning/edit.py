@@ -9,7 +9,8 @@ from typing import Any
 
 import tomlkit
 
-from ..setups.loading import beside
+from ..setups.keys import FILES
+from ..setups.loading import beside, placed
 from ..setups.values import Value
 
 #: Section -> key -> value.
@@ -28,14 +29,19 @@ def edited(source: str, changes: Changes) -> str:
 
 
 def moved(source: str, folder: Path) -> str:
-    """The text of a file of this folder, for another folder: the set-up that it starts from is
-    still found."""
-    text = tomlkit.parse(source)
+    """The text of a file of this folder, for another folder: the set-up that it starts from and the
+    files that it names are still found."""
+    text: Any = tomlkit.parse(source)
     name = str(text.get("setup", ""))
     there = beside(name, folder) if name else name
-    if there == name:
-        return source
-    text["setup"] = str(Path(there).resolve())
+    if there != name:
+        text["setup"] = str(Path(there).resolve())
+    for section, key in (path.split(".") for path in FILES):
+        row, at = text.get(section, {}), key
+        if isinstance(row.get(key), dict):
+            row, at = row[key], "value"
+        if row.get(at):
+            row[at] = placed(row[at], folder.resolve())
     return tomlkit.dumps(text)
 
 

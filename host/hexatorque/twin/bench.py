@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import firmware
 from ..plant import vsd
+from ..plant.machines import parameters_of
 from ..plant.vsd import PHASES
 from ..recording.journal import TICK_HZ
 from ..recording.recording import FIRST_TICK, Recording, RecordingError
@@ -106,10 +107,6 @@ def make(
     loads: Load = NO_LOAD,
     speed_rpm: float | None = None,
 ) -> Bench:
-    if (displacement := setup["machine.displacement_deg"]) != "30":
-        raise RecordingError(
-            f"machine.displacement_deg = {displacement}: a twin is compared where it is 30"
-        )
     outside = _is_outside(rec)
     torque_known, speed_known = (name in rec for name in ("torque_ref_Nm", "speed_rpm"))
     f_isr_Hz, f_slow_Hz = (float(setup.parameter(key)) for key in ("f_isr_Hz", "f_slow_Hz"))
@@ -139,7 +136,8 @@ def make(
     if outside:
         phases = {p: np.asarray(rec[f"i_{p}_A"]) for p in PHASES if f"i_{p}_A" in rec}
         speed = np.asarray(rec["speed_rpm"]) if speed_known or speed_rpm is not None else None
-        notes += wiring.check(phases, rec.rate_Hz, speed)
+        displacement_deg = float(setup["machine.displacement_deg"])
+        notes += wiring.check(phases, rec.rate_Hz, speed, displacement_deg)
     of_periods = _means if outside else _held
     found = _in_slow_periods(
         rec, label, setup, f_isr_Hz / f_slow_Hz, begins, notes, values, of_periods
@@ -395,6 +393,8 @@ def as_the_board(setup: Setup, benches: Sequence[Bench], notes: list[str]) -> Se
             own[name] = theirs[name]
     if differ:
         notes.append(f"the board's parameters are taken: {', '.join(differ)}")
+    machine = parameters_of(setup["machine.model"])(**setup.machine_values())
+    own |= machine.known_start(own)
     return setup.changed(**{f"controller__{name}": value for name, value in own.items()})
 
 

@@ -10,12 +10,11 @@ import numpy as np
 
 from ..drive.simulated import SimulatedDrive
 from ..experiments.prepare import Prepare, other_dead_time
-from ..plant.machines import constants_of
+from ..plant.machines import constants_of, parameters_of
+from ..plant.machines.differing import PERCENT, Differing
 from ..plant.vsd import PHASES
 from ..setups import Setup
-from ..setups.keys import MOST_NM
-
-PERCENT = "%"
+from ..setups.keys import KEYS, MOST_NM
 
 
 @dataclass(frozen=True)
@@ -44,22 +43,34 @@ class Candidate:
     adds_torque: bool = False
 
     def shown(self, change: float, sign: bool = True) -> str:
-        value, digits = (100 * change, 3) if self.unit == PERCENT else (change, 3)
-        return f"{value:{'+' if sign else ''}.{digits}g} {self.unit}"
+        value = 100 * change if self.unit == PERCENT else change
+        return f"{value:{'+' if sign else ''}.3g} {self.unit}".strip()
+
+    @property
+    def si_unit(self) -> str:
+        return "1" if self.unit in (PERCENT, "") else self.unit
 
 
 def _path(key: str) -> str:
     return key.replace(".", "__")
 
 
-def _scaled(*keys: str) -> Callable[[Setup, float], Setup]:
+def _of_machine(model: str, one: Differing) -> Candidate:
+    keys = tuple(f"machine.{key}" for key in one.keys)
+    followers = [f"machine.{key}" for key in constants_of(model) if KEYS["machine"][key].follows]
+
+    def changed(value: Any, change: float) -> Any:
+        if one.place is None:
+            return value * (1 + change) if one.unit == PERCENT else value + change
+        return [v + change * (n == one.place) for n, v in enumerate(value)]
+
     def apply(setup: Setup, change: float) -> Setup:
         # What follows another key stays where it is.
-        fixed = {"machine.lxy_H": setup["machine.lxy_H"]}
-        values = {**fixed, **{key: setup[key] * (1 + change) for key in keys}}
+        values = {key: setup[key] for key in followers}
+        values |= {key: changed(setup[key], change) for key in keys}
         return setup.changed(**{_path(key): value for key, value in values.items()})
 
-    return apply
+    return Candidate(one.name, keys, one.unit, one.step, one.low, one.high, apply)
 
 
 def _drops(setup: Setup, change: float) -> Setup:
@@ -83,22 +94,8 @@ def _vdc_gain(change: float) -> Prepare:
     return prepare
 
 
-CANDIDATES: tuple[Candidate, ...] = (
-    Candidate("R_s", ("machine.rs_ohm",), PERCENT, 0.2, -0.6, 1.5, _scaled("machine.rs_ohm")),
-    Candidate("R_r", ("machine.rr_ohm",), PERCENT, 0.2, -0.6, 1.5, _scaled("machine.rr_ohm")),
-    Candidate("L_m", ("machine.lm_H",), PERCENT, 0.1, -0.6, 1.5, _scaled("machine.lm_H")),
-    Candidate(
-        "leakage", ("machine.lls_H", "machine.llr_H"), PERCENT, 0.2, -0.6, 1.5,
-        _scaled("machine.lls_H", "machine.llr_H"),
-    ),
-    Candidate(
-        "psi_f", ("machine.psi_f_Wb",), PERCENT, 0.1, -0.6, 1.5, _scaled("machine.psi_f_Wb")
-    ),
-    Candidate(
-        "L_d and L_q", ("machine.ld_H", "machine.lq_H"), PERCENT, 0.2, -0.6, 1.5,
-        _scaled("machine.ld_H", "machine.lq_H"),
-    ),
-    Candidate("L_xy", ("machine.lxy_H",), PERCENT, 0.2, -0.6, 1.5, _scaled("machine.lxy_H")),
+#: With every kind of machine.
+COMMON: tuple[Candidate, ...] = (
     Candidate(
         "dead time", ("inverter.dead_time_us",), "us", 0.5, -3.0, 5.0, prepare=other_dead_time
     ),
@@ -110,7 +107,7 @@ CANDIDATES: tuple[Candidate, ...] = (
         prepare=_vdc_gain, vdc=lambda change: 1 / (1 + change),
     ),
     Candidate(
-        "gain of all current sensors", ("sensors.i_gain",), PERCENT, 0.03, -0.3, 0.3,
+        "gain of all current sensors", ("sensors.i_gain",), PERCENT, 0.08, -0.3, 0.3,
         _gain(*range(6)),
     ),
     *(
@@ -132,16 +129,22 @@ PROBES: tuple[Candidate, ...] = tuple(
 )
 
 
-def _has(model: str, one: Candidate) -> bool:
-    """Whether a machine of this model has the keys that the candidate changes."""
-    of_machine = [key.removeprefix("machine.") for key in one.keys if key.startswith("machine.")]
-    return set(of_machine) <= constants_of(model)
+def _not_negative(one: Candidate, setup: Setup) -> Candidate:
+    """Values of an inverter are 0 at least."""
+    values = [setup[key] for key in one.keys if key.startswith("inverter.")]
+    return replace(one, low=max(one.low, -max(values))) if values else one
 
 
-def suitable(model: str, outside: bool, torque_known: bool) -> tuple[Candidate, ...]:
-    """The parameters of a machine of this model that can differ. They depend on the instrument
-    and on the recorded channels."""
-    found = tuple(one for one in CANDIDATES if _has(model, one)) + (PROBES if outside else ())
+def of_machine(model: str) -> tuple[Candidate, ...]:
+    """The parameters of this kind of machine."""
+    return tuple(_of_machine(model, one) for one in parameters_of(model).MAY_DIFFER)
+
+
+def suitable(setup: Setup, outside: bool, torque_known: bool) -> tuple[Candidate, ...]:
+    """The parameters that can differ from the set-up's. They depend on the instrument and on the
+    recorded channels."""
+    common = (_not_negative(one, setup) for one in COMMON)
+    found = (*of_machine(setup["machine.model"]), *common, *(PROBES if outside else ()))
     if torque_known:
         return found
     # Without a torque reference, the simulated drive is asked for the load's torque.
@@ -149,6 +152,3 @@ def suitable(model: str, outside: bool, torque_known: bool) -> tuple[Candidate, 
         replace(one, shaft_only=False, adds_torque=True) if one.name == "load" else one
         for one in found
     )
-
-
-NAMES = tuple(candidate.name for candidate in CANDIDATES)

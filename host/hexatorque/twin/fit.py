@@ -19,12 +19,14 @@ from ..drive.interface import DriveFault
 from ..drive.simulated import SimulatedDrive
 from ..errors import HexatorqueError
 from ..parallel import each
+from ..plant.machines import parameters_of
 from ..recording.recording import Recording
 from ..setups import Setup, SetupError
 from . import joint
 from .bench import Bench, as_the_board
 from .candidates import Candidate, suitable
-from .quantities import QUANTITIES, RIPPLES, compute, windows
+from .further import Changes, Follow, proposed
+from .quantities import QUANTITIES, RIPPLES, about, compute, windows
 from .replay import LATER, Replay, replay
 from .shaft import NO_LOAD, Load, parts, per_window
 
@@ -32,6 +34,10 @@ SPEED = "speed by this torque"
 SHAFT, SHAFT_NOISE = "shaft torque", "noise of the shaft torque"
 #: Repetitions of the simulation as the set-up has it. They give the noise to expect.
 REPEATS = 3
+#: A repetition's rotor with magnets starts turned by this angle from the one before: no two alike.
+TURNED_DEG = 137.5
+#: Of what the best parameter explains alone, another explains this share or more: it is simulated.
+SECOND = 0.25
 #: A quantity is never expected to agree better than this share of its size.
 FLOOR = 2e-3
 #: The same with an oscilloscope's probes, and a part of its range that it does not resolve.
@@ -47,28 +53,23 @@ DIFFERS = 3.0
 NAMED = 40.0
 #: What remains is unexplained if its mean square is so many noise variances.
 UNEXPLAINED = DIFFERS**2
-#: So many of the parameters that explain most are simulated with their change.
-TRIED = 3
 #: Two parameters whose effects have at least this correlation cannot be told apart.
 ALIKE = joint.ALIKE
 #: A change moves a quantity if its mean square is so many deviations above that of the scatter.
 VISIBLE = 3.0
-#: A change is seen if it makes this many standard deviations.
-SEEN = joint.SURE
 
 Progress = Callable[[float], None]
-Changes = Sequence[tuple[Candidate, float]]
 
 
 def simulated_s(setup: Setup, benches: Sequence[Bench]) -> float:
     """Roughly the simulated time of a comparison, for progress bars."""
-    runs = 2 * REPEATS + TRIED + sum(not c.shaft_only for c in _suitable(setup, benches))
+    runs = 2 * REPEATS + sum(not c.shaft_only for c in _suitable(setup, benches))
     return runs * sum(bench.duration_s for bench in benches)
 
 
 def _suitable(setup: Setup, benches: Sequence[Bench]) -> tuple[Candidate, ...]:
     outside, torque_known = any(b.outside for b in benches), all(b.torque_known for b in benches)
-    return suitable(setup["machine.model"], outside, torque_known)
+    return suitable(setup, outside, torque_known)
 
 
 class NotSimulated(HexatorqueError, RuntimeError):
@@ -124,7 +125,7 @@ class Explanation:
 
         c = self.candidate
         return {
-            "parameter": c.name, "keys": list(c.keys), "unit": "1" if c.unit == "%" else c.unit,
+            "parameter": c.name, "keys": list(c.keys), "unit": c.si_unit,
             "change": finite(self.change), "deviation": finite(self.deviation),
             "remains": finite(self.left), "simulated": self.tried,
             "visible_from": finite(self.seen_from), "like": self.like,
@@ -143,8 +144,9 @@ class Overlay:
 @dataclass
 class Comparison:
     """explanations: of one parameter each, best first; named: whether one is found that counts;
-    together: the parameters that explain more together than any of them alone; residual: the
-    difference in expected noises."""
+    together: the parameters that explain more together than any of them alone; rivals: other sets
+    of parameters that explain it as well; further: the recording that would tell them apart, and
+    by how many standard deviations; residual: the difference in expected noises."""
 
     setup: Setup
     benches: list[Bench]
@@ -153,6 +155,8 @@ class Comparison:
     explanations: list[Explanation]
     named: bool
     together: joint.Set | None
+    rivals: list[joint.Set]
+    further: tuple[str, float] | None
     residual: np.ndarray
     overlays: list[Overlay]
 
@@ -164,6 +168,17 @@ class Comparison:
     def cause(self) -> Explanation | None:
         """The parameter that is named alone."""
         return self.explanations[0] if self.named and not self.together else None
+
+    @property
+    def sure(self) -> set[str]:
+        """The parameters that every explanation has, and in whose place none could stand."""
+        if not self.named:
+            return set()
+        first = self.explanations[0]
+        best = self.together.names if self.together else {first.candidate.name}
+        like = self.together.like if self.together else {first.candidate.name: first.like}
+        alone = {name for name in best if not like.get(name)}
+        return alone.intersection(*(one.names for one in self.rivals))
 
     @property
     def unexplained(self) -> bool:
@@ -193,6 +208,7 @@ class _Series:
         self.loads = loads
         self.shafts = [self._parts(n, bench.omega_rad_s) for n, bench in enumerate(benches)]
         self.pairs = int(setup["machine.pole_pairs"])
+        self.displacement_deg = float(setup["machine.displacement_deg"])
         self.bench = [self._of(b, b.samples, None, n) for n, b in enumerate(benches)]
 
     def _parts(self, n: int, omega_rad_s: np.ndarray) -> dict[str, np.ndarray]:
@@ -208,7 +224,11 @@ class _Series:
         outside_step_s = bench.step_s if bench.outside else None
         if not bench.speed_known:
             samples = {name: data for name, data in samples.items() if name != "speed_rpm"}
-        found = compute(samples, per_slow[bench.which], self.pairs, outside_step_s)
+        found = compute(
+            samples, per_slow[bench.which], self.pairs, self.displacement_deg, outside_step_s
+        )
+        model = self.setup["machine.model"]
+        found = {name: values for name, values in found.items() if about(name, model)}
         if not bench.torque_known:
             return found
         shaft = self.shafts[n]["needed"] if torque_Nm is None else per_window(torque_Nm, per_slow)
@@ -338,8 +358,13 @@ class _Simulations:
             for one in prepares:
                 one(sim)
 
-        # Another noise for every repetition.
-        seeded = setup.changed(sensors__noise_seed=setup["sensors.noise_seed"] + late)
+        # Another noise for every repetition, and another angle, never the set-up's own: the windows
+        # begin elsewhere in a turn than the bench's, whose angle nobody knows.
+        machine = parameters_of(setup["machine.model"])(**setup.machine_values())
+        seeded = setup.changed(
+            {"sensors.noise_seed": setup["sensors.noise_seed"] + late,
+             **machine.start_turned(setup.parameter("rotor_zero_deg"), TURNED_DEG * (late + 1))}
+        )  # fmt: skip
         # An oscilloscope has the true voltage, the board what its sensor makes of it.
         vdc = 1.0 if bench.outside else math.prod((c.vdc(x) for c, x in changes), start=1.0)
         more_Nm = 0.0 if bench.torque_known else sum((x for c, x in changes if c.adds_torque), 0.0)
@@ -355,7 +380,8 @@ class _Simulations:
 
 class _Search:
     """The parameters that explain the difference. effects: of each on its own, for one unit of it;
-    residual: the difference in expected noises."""
+    scatter: what of their squares is the scatter of the simulations; residual: the difference in
+    expected noises."""
 
     def __init__(
         self, simulations: _Simulations, nominal: _Nominal, candidates: Sequence[Candidate]
@@ -374,51 +400,65 @@ class _Search:
         for candidate in candidates:
             if candidate.shaft_only:
                 self.effects[candidate.name] = nominal.shaft_effect(candidate.name)
+        self.scatter = {
+            one.name: 0.0
+            if one.shaft_only
+            else np.count_nonzero(self.effects[one.name]) / one.step**2
+            for one in candidates
+            if one.name in self.effects
+        }
 
     def _refused(self, candidate: Candidate, change: float, why: str) -> None:
         self.notes.append(f"{candidate.name} {candidate.shown(change)}: {why}")
 
     def alone(self) -> list[Explanation]:
-        """The share that each explains, best first. The best are simulated with the change
-        found."""
+        """The share that each would explain if the simulation were linear in it, best first."""
         shown = [c for c in self.candidates if c.name in self.effects]
-        explained = [_alone(c, self.effects[c.name], self.residual) for c in shown]
-        explained.sort(key=lambda e: e.left)
-        tried = 0
-        for one in tuple(explained):
-            if tried == TRIED or not _counts(one, self.residual):
-                break
-            tried += 1
-            if one.candidate.shaft_only:
-                continue
-            found = self.simulations.simulate([(one.candidate, one.change)], 1)
-            if isinstance(found, str):
-                # The drive does not run with it, and on the bench it ran.
-                self._refused(one.candidate, one.change, found)
-                one.left, tried = 1.0, tried - 1
-            else:
-                moved = self.nominal.whitened(found)
-                _again(one, moved, self.nominal.effect(found), self.residual)
-        explained.sort(key=lambda e: e.left)
-        return explained
+        explained = [
+            _alone(c, self.effects[c.name], self.scatter[c.name], self.residual) for c in shown
+        ]
+        return sorted(explained, key=lambda e: e.left)
 
-    def together(self, best: Candidate) -> joint.Set | None:
-        """The parameters that explain more together than `best` alone."""
+    def together(
+        self, explained: Sequence[Explanation]
+    ) -> tuple[joint.Set | None, list[joint.Set]]:
+        """The parameters that explain most together, and the others that would do as well. From
+        then on the explanations tell what would be seen beside them."""
         of = {c: self.effects[c.name] for c in self.candidates if c.name in self.effects}
-        search = joint.Search(of, _noise, self.residual, self.nominal.groups, self._moved)
-        return search.best(best)
+        search = joint.Search(of, self.scatter, self.residual, self.nominal.blocks, self._moved)
+        counting = [one for one in explained if _counts(one, self.residual)]
+        while counting:
+            # Far from the set-up effects are not linear: the true one may explain less there.
+            share = SECOND * (1.0 - counting[0].left)
+            singles = [one for one in counting if 1.0 - one.left >= share]
+            if found := search.best([one.candidate for one in singles]):
+                for other in explained:
+                    other.tried = other.candidate in found.candidates
+                    if not other.tried:
+                        other.seen_from = search.seen_from(other.candidate, found)
+                return found, search.rivals
+            # The drive does not run with them, and on the bench it ran.
+            for one in singles:
+                one.left = 1.0
+            counting = counting[len(singles) :]
+        return None, []
 
     def _moved(self, changes: Changes, late: int) -> tuple[np.ndarray, np.ndarray] | str:
         inside = [(c, x) for c, x in changes if not c.shaft_only]
         shaft = sum(
             (self.effects[c.name] * x for c, x in changes if c.shaft_only), 0 * self.residual
         )
-        if not inside:
-            return shaft, shaft
+        # Without such a change, too: what remains of any set has the noise of one simulation.
         found = self.simulations.simulate(inside, late)
         if isinstance(found, str):
+            if len(inside) == 1:
+                self._refused(*inside[0], found)
             return found
-        return self.nominal.whitened(found) + shaft, self.nominal.effect(found) + shaft
+        moved, visible = self._seen(found)
+        return moved + shaft, visible + shaft
+
+    def _seen(self, found: list[dict[str, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+        return self.nominal.whitened(found), self.nominal.effect(found)
 
 
 def compare(
@@ -436,25 +476,52 @@ def compare(
     simulations = _Simulations(fixed, benches, loads, progress)
     nominal = _Nominal(simulations.series, simulations.repeats(setup.name))
     search = _Search(simulations, nominal, candidates)
-    explained = search.alone()
+    explained, residual = search.alone(), search.residual
+    best, rivals = search.together(explained)
+    if best:
+        _refined(explained, best, residual)
+    several = best if best and len(best.candidates) > 1 else None
+    named = several is not None or (best is not None and _counts(explained[0], residual))
+    further = None
+    if best and named and rivals and not simulations.series.outside:
+        sets = [list(zip(one.candidates, map(float, one.changes))) for one in (best, *rivals)]
+        further = proposed(fixed, sets, _following(fixed, nominal.noise))
     notes += search.notes
-    residual = search.residual
-    named, several = False, None
     if explained:
-        named = _counts(explained[0], residual)
-        if named:
-            together = search.together(explained[0].candidate)
-            _refined(explained[0], together, residual)
-            several = together if together and len(together.candidates) > 1 else None
         notes += _scales(benches, nominal)
-        _alike(explained, search.effects)
+        _alike(explained, search.effects, search.scatter)
     overlays = [
         simulations.series.overlay(n, [one[n] for one in nominal.repeats])
         for n in range(len(benches))
     ]
     return Comparison(
-        setup, benches, notes, nominal.differences(), explained, named, several, residual, overlays
-    )
+        setup, benches, notes, nominal.differences(), explained, named, several,
+        rivals if named else [], further, residual, overlays,
+    )  # fmt: skip
+
+
+def _following(setup: Setup, noise: dict[str, float]) -> Follow:
+    """Simulations with other changes that follow another recording, in the noises of this one."""
+
+    def follow(one: Bench, loads: Load, explanations: Sequence[Changes]) -> list[np.ndarray]:
+        simulations = _Simulations(setup, [one], loads, None)
+
+        def seen(changes: Changes, late: int) -> np.ndarray:
+            found = simulations.simulate([(c, x) for c, x in changes if not c.shaft_only], late)
+            if isinstance(found, str):
+                raise NotSimulated(found)
+            shaft = sum(
+                (simulations.series.shaft(c.name) * x for c, x in changes if c.shaft_only), 0.0
+            )
+            values = {name: found[0][name] for name in noise}
+            values[SHAFT] = values[SHAFT] - shaft
+            return np.nan_to_num(
+                np.concatenate([np.ravel(values[name] / noise[name]) for name in noise])
+            )
+
+        return [seen(changes, late) for late, changes in enumerate(explanations)]
+
+    return follow
 
 
 def _place(setup: Setup, bench: Bench, loads: Load, runs: Sequence[Replay]) -> int:
@@ -488,9 +555,13 @@ def _scales(benches: Sequence[Bench], nominal: _Nominal) -> list[str]:
     ]
 
 
-def _alone(candidate: Candidate, effect: np.ndarray, residual: np.ndarray) -> Explanation:
+def _alone(
+    candidate: Candidate,
+    effect: np.ndarray,
+    noise: float,
+    residual: np.ndarray,
+) -> Explanation:
     """The share that one parameter explains, if the simulation is linear in it."""
-    noise = _noise(effect, candidate)
     size = float(effect @ effect)
     found = Explanation(candidate)
     if size <= 0:
@@ -502,30 +573,20 @@ def _alone(candidate: Candidate, effect: np.ndarray, residual: np.ndarray) -> Ex
     # Part of the effect is the scatter of the simulations that it was found from.
     if size > 2 * noise:
         found.deviation = 1 / np.sqrt(size - noise)
-        found.seen_from = SEEN * found.deviation
         found.deviation *= max(1.0, np.sqrt(float(rest @ rest) / len(rest)))
+        found.seen_from = np.sqrt(NAMED) * found.deviation
     return found
 
 
-def _again(
-    found: Explanation, moved: np.ndarray, visible: np.ndarray, residual: np.ndarray
-) -> None:
-    """The same from a simulation with the change, from which the last step is small."""
-    candidate = found.candidate
-    effect, rest = visible / found.change, residual - moved
-    size = float(effect @ effect)
-    change = found.change + (float(effect @ rest) / size if size > 0 else 0.0)
-    change = min(max(change, candidate.low), candidate.high)
-    rest = rest - effect * (change - found.change)
-    found.change, found.tried = change, True
-    found.left = float(rest @ rest) / float(residual @ residual)
-    if size > 0:
-        found.deviation = max(1.0, np.sqrt(float(rest @ rest) / len(rest))) / np.sqrt(size)
-
-
-def _refined(first: Explanation, found: joint.Set | None, residual: np.ndarray) -> None:
-    """The parameter that explains it alone, from its corrected simulation."""
-    if found and found.candidates == [first.candidate] and not first.candidate.shaft_only:
+def _refined(explained: list[Explanation], found: joint.Set, residual: np.ndarray) -> None:
+    """The parameter that explains it alone, from its corrected simulations; the first from now
+    on."""
+    if len(found.candidates) > 1:
+        return
+    first = next(one for one in explained if [one.candidate] == found.candidates)
+    explained.remove(first)
+    explained.insert(0, first)
+    if not first.candidate.shaft_only:
         first.change, first.deviation = float(found.changes[0]), float(found.deviations[0])
         first.left = found.squared / float(residual @ residual)
 
@@ -537,26 +598,22 @@ def _counts(found: Explanation, residual: np.ndarray) -> bool:
     return (1 - found.left) * total > NAMED * rest
 
 
-def _alike(explained: list[Explanation], effects: dict[str, np.ndarray]) -> None:
-    best = explained[0]
-    one = effects[best.candidate.name]
+def _alike(
+    explained: list[Explanation], effects: dict[str, np.ndarray], scatter: dict[str, float]
+) -> None:
+    def size(name: str) -> float:
+        return float(np.sqrt(max(0.0, effects[name] @ effects[name] - scatter[name])))
+
+    best = explained[0].candidate.name
+    one = effects[best]
     for other in explained[1:]:
-        two = effects[other.candidate.name]
+        name = other.candidate.name
         if not np.isfinite(other.seen_from):
             continue
-        sizes = _size(one, best.candidate) * _size(two, other.candidate)
-        correlation = float(one @ two) / sizes if sizes > 0 else 0.0
+        sizes = size(best) * size(name)
+        correlation = float(one @ effects[name]) / sizes if sizes > 0 else 0.0
         if abs(correlation) >= ALIKE:
-            best.like[other.candidate.name] = max(-1.0, min(1.0, correlation))
-
-
-def _size(effect: np.ndarray, candidate: Candidate) -> float:
-    return float(np.sqrt(max(0.0, effect @ effect - _noise(effect, candidate))))
-
-
-def _noise(effect: np.ndarray, candidate: Candidate) -> float:
-    """The scatter of the simulations in the square of an effect."""
-    return 0.0 if candidate.shaft_only else np.count_nonzero(effect) / candidate.step**2
+            explained[0].like[name] = max(-1.0, min(1.0, correlation))
 
 
 class _Nominal:
@@ -611,6 +668,14 @@ class _Nominal:
         """The places of each quantity's values."""
         ends = list(itertools.accumulate(int(used.sum()) for used in self.used.values()))
         return [slice(begin, end) for begin, end in zip([0, *ends], ends)]
+
+    @property
+    def blocks(self) -> tuple[np.ndarray, np.ndarray]:
+        """The number of each value's quantity and of its window. The windows of a quantity have
+        its systematic error in common; quantities of a window have its ripple in common."""
+        quantities = [np.full(int(used.sum()), n) for n, used in enumerate(self.used.values())]
+        windows_of = [np.nonzero(used)[0] for used in self.used.values()]
+        return np.concatenate(quantities), np.concatenate(windows_of)
 
     def effect(self, of_benches: list[dict[str, np.ndarray]]) -> np.ndarray:
         """The same of a changed simulation, 0 for the quantities that only scatter."""

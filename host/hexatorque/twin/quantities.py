@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..plant.vsd import PHASES, TRANSFORM
+from ..plant.machines import parameters_of
+from ..plant.vsd import PHASES, harmonics_in_xy, transform
 from .bench import SETS
 
 #: A window lasts this long; less if the recording is short, but some periods of the slow loop.
@@ -34,26 +35,39 @@ class Quantity:
     columns: int = 1
 
 
+#: What such a quantity tells depends on the kind of machine: its `Parameters.TELLS`. A kind without
+#: it there has no such quantity.
+OF_MACHINE = ""
 QUANTITIES: dict[str, Quantity] = {
-    "current amplitude": Quantity("A", "load, L_m, flux, probes"),
-    "current along the flux": Quantity("A", "L_m, flux error"),
+    "current amplitude": Quantity("A", OF_MACHINE),
+    "current along the flux": Quantity("A", OF_MACHINE),
     "current across the flux": Quantity("A", "torque of a given flux"),
     "estimated flux": Quantity("Wb", "held by the control"),
     "estimated torque": Quantity("N m", "held by the control"),
     "shaft torque": Quantity("N m", "J, friction, load; true torque"),
-    "slip": Quantity("rad/s", "R_r"),
+    "slip": Quantity("rad/s", OF_MACHINE),
     "R_s in use": Quantity("ohm", "R_s, dead time, drops"),
-    "R_r in use": Quantity("ohm", "R_r"),
-    "current ripple": Quantity("A", "leakage"),
-    "torque ripple": Quantity("N m", "leakage"),
+    "R_r in use": Quantity("ohm", OF_MACHINE),
+    "psi_f in use": Quantity("Wb", OF_MACHINE),
+    "current ripple": Quantity("A", OF_MACHINE),
+    "torque ripple": Quantity("N m", OF_MACHINE),
     "x-y ripple": Quantity("A", "L_xy"),
     "unbalance": Quantity("A", "gains of single sensors", 6),
     "sum of currents": Quantity("A", "gains of single sensors", 4),
     "x-y harmonics 5, 7": Quantity("A", "dead time, drops, L_xy", 4),
+    "alpha-beta harmonics 5, 7": Quantity("A", "dead time, drops", 4),
     "x-y voltage 5, 7": Quantity("1", "dead time, drops", 4),
 }
 #: What changes from one sample to the next.
 RIPPLES = ("current ripple", "torque ripple", "x-y ripple")
+
+#: Values that the drive has learnt -> their channels.
+IN_USE = {"R_s in use": "rs_ohm", "R_r in use": "rr_ohm", "psi_f in use": "psi_f_Wb"}
+
+
+def about(name: str, model: str) -> str | None:
+    """What a quantity tells of a machine of this model. None if the model has no such one."""
+    return QUANTITIES[name].about or parameters_of(model).TELLS.get(name)
 
 
 def windows(periods: int, slow_s: float, outside: bool = False) -> np.ndarray:
@@ -92,20 +106,21 @@ def compute(
     samples: Mapping[str, np.ndarray],
     which: np.ndarray,
     pole_pairs: int,
+    displacement_deg: float,
     outside_step_s: float | None = None,
 ) -> dict[str, np.ndarray]:
-    """samples: channels; which: window of each sample, -1 for none; outside_step_s: step of a
-    recording by another instrument than the board, which knows no flux. Returns name -> (windows,
-    columns), as far as the channels give them."""
+    """samples: channels; which: window of each sample, -1 for none; displacement_deg: of the
+    winding's sets; outside_step_s: step of a recording by another instrument than the board, which
+    knows no flux. Returns name -> (windows, columns), as far as the channels give them."""
     if outside_step_s is not None:
-        return _outside(samples, which, pole_pairs, outside_step_s)
+        return _outside(samples, which, pole_pairs, displacement_deg, outside_step_s)
     n = int(which.max()) + 1
     get = lambda name: np.asarray(samples[name], float)  # noqa: E731
     found: dict[str, np.ndarray] = {}
     flux = get("psi_alpha_Wb") + 1j * get("psi_beta_Wb")
     turn = flux / np.abs(flux)
     phases = _phases(samples)
-    ab, xy = _planes(phases)
+    ab, xy = _planes(phases, displacement_deg)
     seen = ab * np.conj(turn)
     found["current along the flux"] = _mean(seen.real, which, n)
     found["current across the flux"] = _mean(seen.imag, which, n)
@@ -118,19 +133,35 @@ def compute(
     if "omega_sync_rad_s" in samples:
         slip = get("omega_sync_rad_s") - pole_pairs * get("speed_rpm") * np.pi / 30
         found["slip"] = _mean(slip, which, n)
-    for name, channel in (("R_s in use", "rs_ohm"), ("R_r in use", "rr_ohm")):
+    for name, channel in IN_USE.items():
         if channel in samples:
             found[name] = _mean(get(channel), which, n)
     harmonic = _harmonics(turn, which, n)
-    found["unbalance"] = _parts(harmonic(xy, 1), harmonic(xy, -1), harmonic(ab, -1))
-    found["x-y harmonics 5, 7"] = _parts(harmonic(xy, 5), harmonic(xy, -7))
+    rest = _without_fundamental(ab, harmonic, turn, which)
+    found |= _of_turn(harmonic, rest * _hann(which, n), xy, displacement_deg)
     if all(_all(samples, one) for one in SETS):
         sums = [np.sum([get(f"i_{p}_A") for p in one], axis=0) for one in SETS]
         found["sum of currents"] = _parts(*(harmonic(one.astype(complex), 1) for one in sums))
-    if "v_x_pu" in samples and "v_y_pu" in samples:
+    if harmonics_in_xy(displacement_deg) and "v_x_pu" in samples and "v_y_pu" in samples:
         voltage = get("v_x_pu") + 1j * get("v_y_pu")
         found["x-y voltage 5, 7"] = _parts(harmonic(voltage, 5), harmonic(voltage, -7))
     return {name: values.reshape(n, -1) for name, values in found.items()}
+
+
+def _of_turn(
+    harmonic: Callable,
+    rest: np.ndarray,
+    xy: np.ndarray,
+    displacement_deg: float,
+) -> dict[str, np.ndarray]:
+    """Negative sequence and first harmonic in x-y, and the fifth and seventh in the plane in which
+    the winding has them. rest: the current in alpha-beta without its fundamental, weighted."""
+    found = {"unbalance": _parts(harmonic(xy, 1), harmonic(xy, -1), harmonic(rest, -1))}
+    if harmonics_in_xy(displacement_deg):
+        found["x-y harmonics 5, 7"] = _parts(harmonic(xy, 5), harmonic(xy, -7))
+    else:
+        found["alpha-beta harmonics 5, 7"] = _parts(harmonic(rest, -5), harmonic(rest, 7))
+    return found
 
 
 def _harmonics(turn: np.ndarray, which: np.ndarray, n: int) -> Callable:
@@ -144,21 +175,31 @@ def _harmonics(turn: np.ndarray, which: np.ndarray, n: int) -> Callable:
     return harmonic
 
 
+def _without_fundamental(
+    ab: np.ndarray, harmonic: Callable, turn: np.ndarray, which: np.ndarray
+) -> np.ndarray:
+    """It is many times larger than the rest, and a window is no whole number of its turns."""
+    return ab - harmonic(ab, 1)[which] * turn
+
+
 def _outside(
-    samples: Mapping[str, np.ndarray], which: np.ndarray, pole_pairs: int, step_s: float
+    samples: Mapping[str, np.ndarray],
+    which: np.ndarray,
+    pole_pairs: int,
+    displacement_deg: float,
+    step_s: float,
 ) -> dict[str, np.ndarray]:
     """Without the flux, the current itself tells where it stands. A window is no whole number of
     its turns, and begins at another angle than the simulation's: weights keep harmonics apart."""
     n = int(which.max()) + 1
-    ab, xy = _planes(_phases(samples))
+    ab, xy = _planes(_phases(samples), displacement_deg)
     size = np.abs(ab)
     turn = ab / np.where(size > 0, size, 1.0)
     weights, harmonic = _hann(which, n), _harmonics(turn, which, n)
-    ab, xy = ab * weights, xy * weights
+    rest, xy = _without_fundamental(ab, harmonic, turn, which) * weights, xy * weights
     found = {
         "current amplitude": _mean(size, which, n),
-        "unbalance": _parts(harmonic(xy, 1), harmonic(xy, -1), harmonic(ab, -1)),
-        "x-y harmonics 5, 7": _parts(harmonic(xy, 5), harmonic(xy, -7)),
+        **_of_turn(harmonic, rest, xy, displacement_deg),
     }
     if "speed_rpm" in samples:
         turns = _turned(turn, which, n)
@@ -185,8 +226,8 @@ def _phases(samples: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.array([known[phase] for phase in PHASES])
 
 
-def _planes(phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    alpha, beta, x, y = TRANSFORM @ phases
+def _planes(phases: np.ndarray, displacement_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    alpha, beta, x, y = transform(displacement_deg) @ phases
     return alpha + 1j * beta, x + 1j * y
 
 

@@ -30,6 +30,8 @@ CORRECTED = 0.1
 PER_PERIOD = 8
 #: Repetitions begin up to so many fast periods later, so that their ripple is another one.
 LATEST = 5
+#: A held shaft is put back after so many fast periods, if it has moved.
+HELD_PERIODS, HELD_RAD = 2, 1e-5
 #: The numbers of repetitions are so far apart. Each has the shaft at another angle, within what the
 #: measured speed leaves open.
 LATER = 3
@@ -138,6 +140,15 @@ def _first(first: int, slow: int) -> int:
     return min(first, slow - LATEST - 1)
 
 
+def _held(sim: SimulatedDrive, periods: int) -> None:
+    """Run so many fast periods with a shaft that does not move: the torque of an alignment would
+    swing it, and the drive would wait for its rest for a time that nobody knows before."""
+    for begin in range(0, periods, HELD_PERIODS):
+        sim.run(min(HELD_PERIODS, periods - begin) * sim.period_s, record=False)
+        if abs(sim.plant_state[7]) > HELD_RAD:
+            sim.plant_state[6:8] = 0.0
+
+
 def _approach(follower: _Follower, bench: Bench, late: int) -> None:
     """From standstill to the state in which the recording begins."""
     sim, slow_s = follower.sim, follower.slow_s
@@ -149,7 +160,7 @@ def _approach(follower: _Follower, bench: Bench, late: int) -> None:
     first += late % LATEST
     sim.run(-first % slow * sim.period_s, record=False)
     sim.start()
-    sim.run(first * sim.period_s, record=False)
+    _held(sim, first)
     sim.check()
     if bench.begins:
         return

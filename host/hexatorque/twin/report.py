@@ -10,17 +10,21 @@ from ..analysis import overlay
 from ..analysis.pages import write_page
 from .fit import DIFFERS, SPEED, Comparison, Explanation
 from .joint import Set
-from .quantities import QUANTITIES
+from .quantities import QUANTITIES, about
 
 #: Rows of a picture: what differs comes first, then these.
 USUAL = (SPEED, "shaft torque", "current along the flux", "R_s in use", "slip", "estimated torque")
 MOST_ROWS = 6
+#: So many explanations are told in words.
+MOST_SHOWN = 4
 
 
 def verdict(comparison: Comparison) -> list[str]:
     """The findings, a sentence each."""
     if not comparison.differs:
         return ["bench and simulation agree within the expected noise", *_hidden(comparison)]
+    if comparison.rivals:
+        return [*_alternatives(comparison), *_hidden(comparison)]
     if comparison.together:
         return [*_several(comparison, comparison.together), *_hidden(comparison)]
     cause = comparison.cause
@@ -44,6 +48,37 @@ UNEXPLAINED = (
     "the remaining difference exceeds the noise: another parameter is wrong, or something that is "
     "no parameter"
 )
+
+
+def _alternatives(comparison: Comparison) -> list[str]:
+    """The explanations that this recording does not tell apart, and what would."""
+    cause = comparison.cause
+    sets = [comparison.together] if comparison.together else []
+    texts = [f"{cause.candidate.name} {change(cause)}"] if cause else []
+    texts += [
+        " and ".join(
+            f"{c.name} {c.shown(x)} ± {c.shown(deviation, sign=False)}"
+            for c, x, deviation in zip(one.candidates, one.changes, one.deviations)
+        )
+        for one in (*sets, *comparison.rivals)
+    ]
+    more = len(texts) - MOST_SHOWN
+    said = [
+        "this recording does not tell apart: "
+        + "; or ".join(texts[:MOST_SHOWN])
+        + (f"; or {more} others (--json)" if more > 0 else "")
+    ]
+    if comparison.sure:
+        said.append(f"off in any case: {', '.join(sorted(comparison.sure))}")
+    course, apart = comparison.further or ("", 0.0)
+    if course:
+        said.append(
+            f"compare it together with a recording {course}: the most similar two would differ "
+            f"there by {apart:.0f} standard deviations"
+        )
+    else:
+        said.append("no recording that was tried tells them apart: measure one of them by itself")
+    return said + ([UNEXPLAINED] if comparison.unexplained else [])
 
 
 def _several(comparison: Comparison, found: Set) -> list[str]:
@@ -86,10 +121,11 @@ def change(one: Explanation) -> str:
 
 
 def quantity_rows(comparison: Comparison) -> list[list[str]]:
+    model = comparison.setup["machine.model"]
     return [
         [
             d.name, QUANTITIES[d.name].unit, f"{d.size:.4g}", f"{d.rms:.3g}", f"{d.noise:.3g}",
-            f"{d.ratio:.1f}", "differs" if d.differs else "agrees", QUANTITIES[d.name].about,
+            f"{d.ratio:.1f}", "differs" if d.differs else "agrees", about(d.name, model) or "",
         ]
         for d in comparison.differences
     ]  # fmt: skip
@@ -128,7 +164,9 @@ def as_json(comparison: Comparison) -> dict:
         "differs": comparison.differs,
         "limit": DIFFERS,
         "quantities": [one.as_json() for one in comparison.differences],
-        "cause": cause and cause.candidate.name,
+        "cause": cause.candidate.name if cause and not comparison.rivals else None,
+        "sure": sorted(comparison.sure),
+        "rivals": [one.as_json(comparison.residual) for one in comparison.rivals],
         "together": comparison.together and comparison.together.as_json(comparison.residual),
         "parameters": [one.as_json() for one in comparison.explanations],
         "said": verdict(comparison),

@@ -1,5 +1,5 @@
 """Whether the currents of an oscilloscope stand where their names say: the phases of a winding set
-120 degrees from each other, the sets 30 degrees apart."""
+120 degrees from each other, the sets as far apart as in the winding."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..plant.vsd import PHASES, TRANSFORM
+from ..plant.vsd import PHASES, angles_rad
 from ..recording.recording import RecordingError
 
-#: Electrical angle of each winding's axis.
-AXIS_RAD = dict(zip(PHASES, np.arctan2(TRANSFORM[1], TRANSFORM[0])))
 TOLERANCE_DEG = 20.0
 #: The direction of rotation is found in pieces of this time.
 PIECE_S = 0.1
@@ -22,13 +20,17 @@ COHERENT, TURNS = 0.5, 1.0
 
 
 def check(
-    phases: Mapping[str, np.ndarray], rate_Hz: float, speed_rpm: np.ndarray | None
+    phases: Mapping[str, np.ndarray],
+    rate_Hz: float,
+    speed_rpm: np.ndarray | None,
+    displacement_deg: float = 30.0,
 ) -> list[str]:
     """Remarks on the currents, phase -> samples. RecordingError if one is not that of
     its phase. Without a speed, the direction is the one that fits better."""
     names = list(phases)
     turning = np.array([_analytic(np.nan_to_num(np.asarray(phases[p], float))) for p in names])
-    axes = np.array([AXIS_RAD[p] for p in names])
+    axis_rad = axes_rad(displacement_deg)
+    axes = np.array([axis_rad[p] for p in names])
     products, turns = np.zeros((len(names),) * 2, complex), 0.0
     length = max(2, round(PIECE_S * rate_Hz))
     for begin in range(0, turning.shape[1], length):
@@ -53,7 +55,9 @@ def check(
     best = max(seen, key=lambda n: int(fits[seen, n].sum()))
     wrong = [n for n in seen if not fits[n, best]]
     if wrong:
-        raise RecordingError("; ".join(_place(names[n], names[best], off[n, best]) for n in wrong))
+        raise RecordingError(
+            "; ".join(_place(axis_rad, names[n], names[best], off[n, best]) for n in wrong)
+        )
     return [
         f"i_{names[n]}_A is {sizes[n] / usual:.3g} times the other currents: check its probe's "
         "scale"
@@ -62,17 +66,22 @@ def check(
     ]
 
 
-def _place(name: str, other: str, off_deg: float) -> str:
+def axes_rad(displacement_deg: float) -> dict[str, float]:
+    """Electrical angle of each winding's axis."""
+    return dict(zip(PHASES, angles_rad(displacement_deg)))
+
+
+def _place(axis_rad: Mapping[str, float], name: str, other: str, off_deg: float) -> str:
     """One phase at the wrong place, and the places that it may be at instead."""
-    wanted = float(np.degrees(AXIS_RAD[name] - AXIS_RAD[other]))
+    wanted = float(np.degrees(axis_rad[name] - axis_rad[other]))
     at = wanted - off_deg  # how far it lags
     text = (
         f"i_{name}_A is not phase {name}: it lags i_{other}_A by {_turn(at):.0f} degrees, "
         f"{_turn(wanted):.0f} +- {TOLERANCE_DEG:.0f} is allowed"
     )
-    for phase, axis in AXIS_RAD.items():
+    for phase, axis in axis_rad.items():
         for turned in (0.0, 180.0):
-            its = float(np.degrees(axis - AXIS_RAD[other])) + turned
+            its = float(np.degrees(axis - axis_rad[other])) + turned
             if abs(_turn(at - its)) <= 10 and not (phase != name and turned):
                 return f"{text}; it is like {phase if phase != name else 'a probe turned round'}"
     return text

@@ -14,7 +14,7 @@ from hexatorque.recording.recording import Recording
 from hexatorque.setups.keys import TIMING_OWNS
 from hexatorque.twin import bench, candidates, fit, joint, replay, report
 
-CANDIDATES = {one.name: one for one in candidates.CANDIDATES}
+CANDIDATES = {one.name: one for one in candidates.suitable(setups.load("paper-a"), False, True)}
 #: Of the parameters that are tried, enough to be mistaken for each other.
 TRIED = [CANDIDATES[name] for name in ("R_s", "R_r", "gain of current sensor w1", "J", "load")]
 LOAD_NM = 4.0
@@ -363,8 +363,10 @@ def test_parameters_that_only_a_combination_shows_are_told():
 
     truth = [(one, 0.3), (two, -0.2)]
     residual = simulate(truth, 99)[0] + rng.normal(size=size)
-    groups = [slice(n, n + 40) for n in range(0, size, 40)]
-    found = joint.Search(effects, lambda e, c: 0.0, residual, groups, simulate).best(one)
+    blocks = [np.arange(size) // 40]
+    found = joint.Search(effects, {c.name: 0.0 for c in effects}, residual, blocks, simulate).best(
+        one
+    )
     ((first, second, correlation),) = found.bound_together
     assert {first, second} == {"R_s", "R_r"} and correlation < -0.9
     got = {c.name: (x, s) for c, x, s in zip(found.candidates, found.changes, found.deviations)}

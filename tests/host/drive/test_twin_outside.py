@@ -19,7 +19,8 @@ from hexatorque.setups.keys import TIMING_OWNS
 from hexatorque.twin import bench, candidates, fit, report, wiring
 
 EVERY = {
-    one.name: one for one in candidates.suitable("induction", outside=True, torque_known=False)
+    one.name: one
+    for one in candidates.suitable(setups.load("paper-a"), outside=True, torque_known=False)
 }
 ALL_PROBES, PROBE_W1 = "scale of all current probes", "scale of current probe w1"
 TRIED = [EVERY[name] for name in (ALL_PROBES, PROBE_W1, "L_m", "load")]
@@ -150,7 +151,7 @@ def turning(*, f_Hz=20.0, swap=(), turned=(), sizes=None):
     phases = {}
     for name in PHASES:
         size = (sizes or {}).get(name, 5.0) * (-1 if name in turned else 1)
-        ideal = size * np.cos(2 * np.pi * f_Hz * T_S - wiring.AXIS_RAD[name])
+        ideal = size * np.cos(2 * np.pi * f_Hz * T_S - wiring.axes_rad(30.0)[name])
         phases[name] = ideal + random.normal(0, 0.2, len(T_S))
     if swap:
         a, b = swap

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 import shorted_machine
+from example_setups import EXAMPLES
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
@@ -25,6 +26,10 @@ SETUPS = {
     "open leg": ("paper-b", BEARS | ARC),
     "fan": ("paper-a", {"load.kind": "fan", "timing.device": "f28335"}),
     "magnets": ("magnet-interior", {"inverter.v_diode_V": 1.0, "inverter.v_switch_V": 1.2}),
+    "saturating magnets": (
+        "magnet-interior",
+        {"machine.flux_map": str(EXAMPLES / "magnet-saturation.csv")},
+    ),
     "line and brake": (
         "paper-b",
         {
@@ -69,7 +74,7 @@ def test_it_computes_the_bits_of_the_simulation(made, what):
     states, before = set(), fmu.get(*TRUE)
     for k in range(2500):
         given = course(k)
-        if what == "magnets":
+        if setup["machine.model"] == "magnet":
             given = {n: v for n, v in given.items() if n != "vdc_V"}
         command(sim, given)
         true, rows = sim.rows(1)
@@ -82,7 +87,9 @@ def test_it_computes_the_bits_of_the_simulation(made, what):
         assert currents == pytest.approx(phases @ before[:4], abs=1e-4)
         states.add(sim.state)
     # The rotor of the machine with magnets is still being aligned.
-    reached = {"idle", "calibrate", "build"} | ({"run"} if what != "magnets" else set())
+    reached = {"idle", "calibrate", "build"} | (
+        set() if setup["machine.model"] == "magnet" else {"run"}
+    )
     assert reached <= states and not fmu.said
     assert not np.isnan(before).any()
 

@@ -16,7 +16,7 @@ DOCS = Path(__file__).parents[3] / "docs" / "recordings.md"
 PHASES = ("u1", "w1", "u2", "w2")
 STEP_S = 1e-4
 TIME_S = -0.1 + STEP_S * np.arange(4000)
-CURRENTS_A = {p: 5 * np.cos(2 * np.pi * 20 * TIME_S - wiring.AXIS_RAD[p]) for p in PHASES}
+CURRENTS_A = {p: 5 * np.cos(2 * np.pi * 20 * TIME_S - wiring.axes_rad(30.0)[p]) for p in PHASES}
 
 
 def write(path, time_s, volts):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from flux_tables import Iron, written
 
 from hexatorque import firmware, setups
 from hexatorque.chips import range_of
@@ -173,7 +174,7 @@ latency = "predicted"
 @pytest.mark.parametrize(
     "path", [f"{section}.{key}" for section, keys in setups.KEYS.items() for key in keys]
 )
-def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_does(path):
+def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_does(path, tmp_path):
     section, key = path.split(".")
     common = {
         "timing.latency": "immediate", "inverter.e_ref_V": 600.0, "inverter.e_ref_A": 10.0,
@@ -212,6 +213,10 @@ def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_d
         other = [1.01 * v + 1e-4 for v in before]
     elif spec.kind == "integer":
         other = before - 1 if before > spec.min else before + 1
+    elif spec.kind == "file":
+        machine = (setup[f"machine.{name}"] for name in ("psi_f_Wb", "ld_H", "lq_H"))
+        most_A = 1.1 * setup.parameter("i_ab_trip_A")
+        other = written(tmp_path / "map.csv", Iron(*machine).rows(most_A, 17))
     else:
         other = 1.01 * before if before else 0.5 * min(1.0, spec.max)
     changed = setup.changed(**{f"{section}__{key}": other})

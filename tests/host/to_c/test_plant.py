@@ -13,6 +13,7 @@ from functools import partial
 import drawn_setups
 import numpy as np
 import pytest
+from example_setups import EXAMPLES
 
 from hexatorque import firmware, load
 from hexatorque.drive import hardware
@@ -175,6 +176,21 @@ def hold_and_run(sim):
     run_and_stop(sim)
 
 
+#: Iron that saturates.
+MAP = {"machine.flux_map": str(EXAMPLES / "magnet-saturation.csv")}
+
+
+def beyond(sim):
+    """Fluxes that the table does not have, in either axis, with legs that float."""
+    sim.start()
+    sim.run(0.13)
+    sim.break_leg("u1", "open", 0.0)
+    sim.run(0.03)
+    for flux in ((0.9, 0.02), (0.1, -0.9), (-0.9, 0.8)):
+        sim.plant_state[:2] = flux
+        sim.run(0.002)
+
+
 #: What is computed -> set-up, its changes, course.
 COURSES = {
     "linear": {
@@ -259,6 +275,15 @@ COURSES = {
         "devices": ("magnet-interior", DROPS | DEVICES, run_and_stop),
         "holding": ("magnet-interior", HOLDING, hold_and_run),
     },
+    "magnet, saturable": {
+        "whole": ("magnet-interior", MAP, run_and_stop),
+        "drops": ("magnet-interior", MAP | DROPS | ARC, BLOCKED),
+        "open": ("magnet-interior", MAP | IRON, THREE),
+        "fast": ("magnet-interior", MAP, FAST),
+        "link": ("magnet-interior", MAP | LINK, run_and_stop),
+        "heat": ("magnet-interior", MAP | IRON | HEAT, run_and_stop),
+        "beyond": ("magnet-interior", MAP, beyond),
+    },
 }
 
 
@@ -331,7 +356,7 @@ def test_every_sample_edge_and_state_has_the_bits_of_the_compiled_python(tmp_pat
 
 
 #: So many that each effect is on and off beside each other one.
-DRAWN_CASES, DRAWN_PERIODS = 160, 350
+DRAWN_CASES, DRAWN_PERIODS = 180, 350
 #: But not these: one of them needs the other.
 NEED_EACH_OTHER = {
     frozenset((f"inverter.{needs}", f"inverter.{needed}"))

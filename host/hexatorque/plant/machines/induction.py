@@ -20,7 +20,6 @@ from psi_s + s, psi_r + s and T_e = 3 p psi_m x i_s.
 from __future__ import annotations
 
 import numpy as np
-from numba.extending import overload
 
 from .. import machine
 from ..columns import add_columns
@@ -33,7 +32,7 @@ from ..machine import implements
 from ..record import record
 from ..vsd import transform
 from .induction_parameters import Parameters
-from .saturation import excess_flux, excess_gain, open_rotor
+from .saturation import excess_flux, excess_gain, open_rotor, saturates
 
 #: Matrices for the compiled code. They are records and not tuples of arrays, because a record is
 #: passed by address. Counting references to arrays would take longer than the arithmetic.
@@ -64,17 +63,6 @@ _FIELDS = [
 #: compiled for one type would accept the other.
 LINEAR = np.dtype([*_FIELDS, ("linear", "i8")])
 SATURABLE = np.dtype([*_FIELDS, ("saturable", "i8")])
-
-
-def saturates(m) -> bool:
-    """Whether this machine's record is of the saturating type. Decided when code is compiled."""
-    return "saturable" in m.dtype.names
-
-
-@overload(saturates, inline="always")
-def _saturates(m):
-    known = "saturable" in m.fields
-    return lambda m: known
 
 
 def make(p: Parameters) -> np.record:

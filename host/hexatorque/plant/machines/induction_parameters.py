@@ -7,7 +7,11 @@ set-up's values into an image, uses it where the package is not installed.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+from .differing import L_XY, R_S, Differing
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,33 @@ class Parameters:
     iron_eddy_S: float = 0.0  #: iron loss over (|psi_s| p w)^2; 0: none
     leads: tuple[int, ...] = (1, 2, 3, 4, 5, 6)  #: phase on each leg, 1 is u1
     displacement_deg: float = 30.0  #: of set 2 from set 1, electrical
+
+    #: For a comparison with a bench: what may be wrong, and what the kind's own quantities tell.
+    MAY_DIFFER: ClassVar[tuple[Differing, ...]] = (
+        R_S,
+        Differing("R_r", ("rr_ohm",), 0.2),
+        Differing("L_m", ("lm_H",), 0.1),
+        Differing("leakage", ("lls_H", "llr_H"), 0.2),
+        L_XY,
+    )
+    TELLS: ClassVar[dict[str, str]] = {
+        "current amplitude": "load, L_m, flux, probes",
+        "current along the flux": "L_m, flux error",
+        "slip": "R_r",
+        "R_r in use": "R_r",
+        "current ripple": "leakage",
+        "torque ripple": "leakage",
+    }
+
+    def known_start(self, _controller: Mapping[str, Any]) -> dict[str, Any]:
+        """The controller's parameters with which a simulated start needs no shaft that moves: its
+        flux is built at standstill anyway."""
+        return {}
+
+    def start_turned(self, _zero_deg: float, _by_deg: float) -> dict[str, float]:
+        """Keys of a set-up with which the same drive starts at another angle of the shaft: it knows
+        none."""
+        return {}
 
     @property
     def phase_of_leg(self) -> list[int]:

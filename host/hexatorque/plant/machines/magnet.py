@@ -15,6 +15,10 @@ displacement of 30 degrees the fifth and the seventh harmonic are in x-y, the el
 thirteenth in alpha-beta; with 0 and 60 degrees all are in alpha-beta. The iron's loss takes a part
 of T_e (plant/iron.py).
 
+With a table of flux linkages (flux_map.py) saturation adds currents to those of the linear machine
+at the same fluxes, and r_d i_q - r_q i_d with r = L i takes the place of (L_d - L_q) i_d i_q.
+psi_f, L_d and L_q then are the table's, at no current; x-y and the harmonics stay linear.
+
 (Levi, Bojoi, Profumo, Toliyat, Williamson, IET Electr. Power Appl. 1(4), 2007: multiphase machines
 by vector space decomposition. Boldea, Paicu, Andreescu, IEEE Trans. Power Electron. 24(1), 2009:
 the active flux, on which the firmware's control rests.)
@@ -23,6 +27,8 @@ Two isolated neutrals: zero-sequence currents do not exist.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,35 +42,39 @@ from ..load import load_torque
 from ..machine import implements
 from ..record import record
 from ..vsd import angles_rad, exp_j, transform
+from . import flux_map
+from .flux_map import excess_current, excess_per_H
 from .magnet_parameters import ORDERS, Parameters
+from .saturation import saturates
 
-RECORD = np.dtype(
-    [
-        ("magnet", "i8"),
-        ("mean_per_H", "f8"),  # (1/L_d + 1/L_q)/2
-        ("half_per_H", "f8"),  # (1/L_d - 1/L_q)/2
-        ("xy_per_H", "f8"),  # 1/L_xy
-        ("saliency_H", "f8"),  # L_d - L_q
-        ("psi_f_Wb", "f8"),
-        ("harmonics", "i8"),  # 0: the fundamental alone
-        # Of each harmonic: what turns forwards and backwards, alpha-beta and x-y
-        ("forwards", "c16", (2, 4)),
-        ("backwards", "c16", (2, 4)),
-        ("resistance", "f8", (4, 4)),
-        ("i_phase", "f8", (6, 4)),  # phase current on each leg from alpha, beta, x, y
-        ("legs", "f8", (4, 6)),  # alpha, beta, x, y of a voltage on each leg
-        ("g_leg", "f8", (6, 6)),
-        ("inv_l_max", "f8"),
-        ("pole_pairs", "f8"),
-        ("most_emf_Wb", "f8"),  # peak between two terminals over the electrical speed
-        ("cogging_Nm", "f8"),
-        ("cogging_per_rev", "f8"),
-        ("start_rad", "f8"),  # electrical angle of the d axis at theta = 0
-        ("inertia", "f8"),
-        ("viscous", "f8"),
-        *IRON_FIELDS,
-    ]
-)
+_FIELDS = [
+    ("magnet", "i8"),
+    ("mean_per_H", "f8"),  # (1/L_d + 1/L_q)/2
+    ("half_per_H", "f8"),  # (1/L_d - 1/L_q)/2
+    ("xy_per_H", "f8"),  # 1/L_xy
+    ("saliency_H", "f8"),  # L_d - L_q
+    ("psi_f_Wb", "f8"),
+    ("harmonics", "i8"),  # 0: the fundamental alone
+    # Of each harmonic: what turns forwards and backwards, alpha-beta and x-y
+    ("forwards", "c16", (2, 4)),
+    ("backwards", "c16", (2, 4)),
+    ("resistance", "f8", (4, 4)),
+    ("i_phase", "f8", (6, 4)),  # phase current on each leg from alpha, beta, x, y
+    ("legs", "f8", (4, 6)),  # alpha, beta, x, y of a voltage on each leg
+    ("g_leg", "f8", (6, 6)),
+    ("inv_l_max", "f8"),
+    ("pole_pairs", "f8"),
+    ("most_emf_Wb", "f8"),  # peak between two terminals over the electrical speed
+    ("cogging_Nm", "f8"),
+    ("cogging_per_rev", "f8"),
+    ("start_rad", "f8"),  # electrical angle of the d axis at theta = 0
+    ("inertia", "f8"),
+    ("viscous", "f8"),
+    *IRON_FIELDS,
+]
+#: A type for each kind of magnetics, as in `induction`.
+LINEAR = np.dtype([*_FIELDS, ("linear", "i8")])
+SATURABLE = np.dtype([*_FIELDS, *flux_map.FIELDS, ("saturable", "i8")])
 
 
 def _harmonics(p: Parameters) -> tuple[np.ndarray, np.ndarray]:
@@ -83,6 +93,10 @@ def _harmonics(p: Parameters) -> tuple[np.ndarray, np.ndarray]:
 
 
 def make(p: Parameters) -> np.record:
+    kind, more, steepest = LINEAR, {"linear": 1}, 0.0
+    if found := p.flux_map:
+        p = replace(p, psi_f_Wb=found.psi_f_Wb, ld_H=found.ld_H, lq_H=found.lq_H)
+        kind, more, steepest = SATURABLE, {**found.fields, "saturable": 1}, found.most_per_H
     rows = transform(p.displacement_deg)
     inverse = 3 * rows.T
     per_H = np.array([1 / p.ld_H, 1 / p.lq_H])
@@ -91,8 +105,9 @@ def make(p: Parameters) -> np.record:
     mean = np.diag([per_H.mean(), per_H.mean(), 1 / p.lxy_H, 1 / p.lxy_H])
     forwards, backwards = _harmonics(p)
     return record(
-        RECORD,
+        kind,
         magnet=1,
+        **more,
         mean_per_H=per_H.mean(),
         half_per_H=0.5 * (per_H[0] - per_H[1]),
         xy_per_H=1 / p.lxy_H,
@@ -105,7 +120,7 @@ def make(p: Parameters) -> np.record:
         i_phase=i_phase,
         legs=legs,
         g_leg=i_phase @ mean @ legs,
-        inv_l_max=max(*per_H, 1 / p.lxy_H),
+        inv_l_max=max(*per_H, 1 / p.lxy_H, steepest),
         pole_pairs=p.pole_pairs,
         most_emf_Wb=np.sqrt(3) * p.psi_f_Wb * p.most_emf,
         cogging_Nm=p.cogging_Nm,
@@ -170,6 +185,8 @@ def _currents(m, turn, ab, xy, y):
     inverse of L reflects."""
     rest = complex(y[0], y[1]) - ab
     i_ab = m.mean_per_H * rest + m.half_per_H * turn * turn * rest.conjugate()
+    if saturates(m):
+        i_ab += turn * excess_current(m, rest * turn.conjugate())
     return i_ab, m.xy_per_H * (complex(y[2], y[3]) - xy)
 
 
@@ -180,15 +197,19 @@ def _cogging(m, theta):
 
 
 @compiled
-def _torque(m, turn, ab_t, xy_t, i_ab, i_xy, theta):
+def _torque(m, turn, rest, ab_t, xy_t, i_ab, i_xy, theta):
+    """`rest`: the stator's flux without the magnets', alpha-beta."""
     frame = i_ab * turn.conjugate()
     torque = (
         i_ab.real * ab_t.real
         + i_ab.imag * ab_t.imag
         + i_xy.real * xy_t.real
         + i_xy.imag * xy_t.imag
-        + m.saliency_H * frame.real * frame.imag
     )
+    if saturates(m):
+        torque += rest.real * i_ab.imag - rest.imag * i_ab.real
+    else:
+        torque += m.saliency_H * frame.real * frame.imag
     return 3.0 * m.pole_pairs * torque - _cogging(m, theta)
 
 
@@ -207,7 +228,8 @@ def derivative(m, load, y, v, k):
         )
     k[4] = 0.0
     k[5] = 0.0
-    torque = _torque(m, turn, ab_t, xy_t, i_ab, i_xy, y[7])
+    rest = complex(y[0], y[1]) - ab
+    torque = _torque(m, turn, rest, ab_t, xy_t, i_ab, i_xy, y[7])
     if m.iron != 0:
         torque -= iron_torque(m, y, y[6])
     k[6] = (torque - m.viscous * y[6] - load_torque(load, y[6])) / m.inertia
@@ -234,13 +256,13 @@ def current_with(m, y, common, leg):
 
 @implements(machine.constant_response, "magnet")
 def constant_response(m):
-    return m.half_per_H == 0.0
+    return m.half_per_H == 0.0 and not saturates(m)
 
 
 @implements(machine.incremental, "magnet")
 def incremental(m, y):
-    """(exp(2 j t), and the slopes that the rotation alone gives the currents, alpha-beta and
-    x-y)."""
+    """(exp(2 j t), the slopes that the rotation alone gives the currents, alpha-beta and x-y, and
+    what saturation adds to the inverse of L: to its mean, and to what reflects along 2 t)."""
     turn = _turn(m, y)
     turn2 = turn * turn
     ab, _, ab_t, xy_t = _magnet_flux(m, turn)
@@ -251,7 +273,16 @@ def incremental(m, y):
         - m.mean_per_H * ab_t
         - m.half_per_H * turn2 * ab_t.conjugate()
     )
-    return turn2, omega * slope, -m.xy_per_H * omega * xy_t
+    mean, half = 0.0, 0j
+    if saturates(m):
+        at = rest * turn.conjugate()
+        dd, dq, qq = excess_per_H(m, at)
+        mean = 0.5 * (dd + qq)
+        half = complex(0.5 * (dd - qq), dq)
+        # The frame turns: what saturation adds turns with it, at the flux as the frame sees it.
+        seen = -1j * at - ab_t * turn.conjugate()
+        slope += turn * (1j * excess_current(m, at) + mean * seen + half * seen.conjugate())
+    return turn2, omega * slope, -m.xy_per_H * omega * xy_t, mean, half * turn2
 
 
 @implements(machine.phase_current_slope, "magnet")
@@ -259,6 +290,8 @@ def phase_current_slope(m, gain, k, leg):
     """d/dt of a phase current, A/s, for flux slopes k[0:6]; `gain` = incremental(m, y)."""
     rises = complex(k[0], k[1])
     ab = gain[1] + m.mean_per_H * rises + m.half_per_H * gain[0] * rises.conjugate()
+    if saturates(m):
+        ab += gain[3] * rises + gain[4] * rises.conjugate()
     xy = gain[2] + m.xy_per_H * complex(k[2], k[3])
     return (
         m.i_phase[leg, 0] * ab.real
@@ -273,6 +306,8 @@ def leg_response(m, gain, leg, other):
     """d/dt of a phase current per volt on leg `other`, 1/H; `gain` = incremental(m, y)."""
     volt = complex(m.legs[0, other], m.legs[1, other])
     ab = m.mean_per_H * volt + m.half_per_H * gain[0] * volt.conjugate()
+    if saturates(m):
+        ab += gain[3] * volt + gain[4] * volt.conjugate()
     return (
         m.i_phase[leg, 0] * ab.real
         + m.i_phase[leg, 1] * ab.imag
@@ -294,8 +329,9 @@ def stator_currents(m, y, i):
 def torque_Nm(m, y, i):
     """Torque of the air gap, cogging included, from the state and the stator currents i[0:4]."""
     turn = _turn(m, y)
-    _, _, ab_t, xy_t = _magnet_flux(m, turn)
-    return _torque(m, turn, ab_t, xy_t, complex(i[0], i[1]), complex(i[2], i[3]), y[7])
+    ab, _, ab_t, xy_t = _magnet_flux(m, turn)
+    rest = complex(y[0], y[1]) - ab
+    return _torque(m, turn, rest, ab_t, xy_t, complex(i[0], i[1]), complex(i[2], i[3]), y[7])
 
 
 @implements(machine.losses, "magnet")

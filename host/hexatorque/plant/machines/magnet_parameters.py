@@ -6,10 +6,20 @@ This module imports nothing but Python's own modules, as `induction_parameters` 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from .differing import L_XY, R_S, Differing
 
 #: Orders of the harmonics that the magnets' flux may have besides the fundamental.
 ORDERS = (5, 7, 11, 13)
+#: A shaft that is held needs no longer to be aligned.
+HELD_S = 0.1
+
+
+def _within_a_turn(deg: float) -> float:
+    return (deg + 180.0) % 360.0 - 180.0
 
 
 @dataclass(frozen=True)
@@ -34,8 +44,47 @@ class Parameters:
     cogging_Nm: float = 0.0  #: amplitude of the cogging torque
     cogging_per_rev: int = 36  #: its periods in a revolution
     start_deg: float = 0.0  #: electrical angle of the d axis at the beginning
+    #: Flux linkages against currents, of the plant alone: its FluxMap, or where nothing simulates
+    #: the name of their file. "": L_d, L_q and psi_f are constant.
+    flux_map: Any = ""
     leads: tuple[int, ...] = (1, 2, 3, 4, 5, 6)  #: phase on each leg, 1 is u1
     displacement_deg: float = 30.0  #: of set 2 from set 1, electrical
+
+    #: For a comparison with a bench: what may be wrong, and what the kind's own quantities tell.
+    MAY_DIFFER: ClassVar[tuple[Differing, ...]] = (
+        R_S,
+        Differing("psi_f", ("psi_f_Wb",), 0.1),
+        Differing("L_d", ("ld_H",), 0.2),
+        Differing("L_q", ("lq_H",), 0.2),
+        L_XY,
+        Differing("encoder's angle", ("start_deg",), 5.0, -60.0, 60.0, "deg"),
+        *(
+            Differing(f"EMF harmonic {order}", ("emf_share",), 0.02, -0.3, 0.3, "", place)
+            for place, order in enumerate(ORDERS[:2])
+        ),
+    )
+    TELLS: ClassVar[dict[str, str]] = {
+        "current amplitude": "load, psi_f, probes",
+        "current along the flux": "psi_f, L_q, encoder's angle",
+        "psi_f in use": "psi_f",
+        "current ripple": "L_d, L_q",
+        "torque ripple": "L_q",
+    }
+
+    def known_start(self, controller: Mapping[str, Any]) -> dict[str, Any]:
+        """The controller's parameters with which a simulated start needs no shaft that moves: the
+        drive knows the angle that it would find by alignment or an index."""
+        if controller.get("rotor_start") == "known":
+            return {}
+        return {"rotor_start": "known", "rotor_zero_deg": self.start_deg, "build_s": HELD_S}
+
+    def start_turned(self, zero_deg: float, by_deg: float) -> dict[str, float]:
+        """Keys of a set-up with which the same drive starts at another angle of the shaft. The
+        drive believes in zero_deg."""
+        return {
+            "machine.start_deg": _within_a_turn(self.start_deg + by_deg),
+            "controller.rotor_zero_deg": _within_a_turn(zero_deg + by_deg),
+        }
 
     @property
     def phase_of_leg(self) -> list[int]:

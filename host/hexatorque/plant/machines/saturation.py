@@ -21,11 +21,24 @@ alone. `m` is a machine record.
 
 from __future__ import annotations
 
+from numba.extending import overload
+
 from ..compiled import compiled
 
 MAX_ITERATIONS = 200
 #: A relative step that leaves an error of its square.
 LAST_STEP = 1e-8
+
+
+def saturates(m) -> bool:
+    """Whether this machine's record is of the saturating type. Decided when code is compiled."""
+    return "saturable" in m.dtype.names
+
+
+@overload(saturates, inline="always")
+def _saturates(m):
+    known = "saturable" in m.fields
+    return lambda m: known
 
 
 @compiled
