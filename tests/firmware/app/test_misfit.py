@@ -214,6 +214,10 @@ CASES = {
         },
         "ride_through = least-loss, trip_state = short-circuit: a short circuit brakes with all",
     ),
+    "ABSOLUTE": (
+        {**MAGNET, "rotor_start": "absolute", "absolute_counts_rev": 143},
+        "absolute_counts_rev = 143, pole_pairs = 2: with rotor_start = absolute the first must be",
+    ),
 }
 
 

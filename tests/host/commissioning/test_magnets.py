@@ -304,6 +304,7 @@ def test_the_angle_at_the_absolute_encoders_zero_is_measured(direction):
     sim = drawn(
         "magnet-24v", 5, sensors__absolute_counts_rev=4096, sensors__absolute_deg=77.0,
         sensors__absolute_direction=direction, controller__rotor_start="absolute",
+        controller__absolute_counts_rev=4096, controller__absolute_direction=direction,
     )  # fmt: skip
     found = commissioned(sim, ("alignment",))
     assert found.mistakes == []
