@@ -152,3 +152,19 @@ def draw(name, count, seed):
         except (DriveFault, setups.SetupError):
             continue
         return Drawn(setup, changes, recording, loads)
+
+
+def explanations(found):
+    """Each set of parameters that explains the difference: name -> (change, deviation)."""
+    if not found.named:
+        return []
+    sets = ([found.together] if found.together else []) + found.rivals
+    several = [
+        {
+            c.name: (float(x), float(s))
+            for c, x, s in zip(one.candidates, one.changes, one.deviations)
+        }
+        for one in sets
+    ]
+    one = found.cause
+    return ([{one.candidate.name: (one.change, one.deviation)}] if one else []) + several
