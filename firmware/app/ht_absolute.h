@@ -12,6 +12,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/** Value of the parameter `rotor_start` with which the encoder is read. */
+#define HT_ROTOR_START_ABSOLUTE 3.0f
+
 typedef struct {
     bool used;           /**< else nothing is looked at, and nothing else here is set */
     uint32_t counts_rev; /**< of the encoder that counts */

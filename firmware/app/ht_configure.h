@@ -84,9 +84,8 @@ ht_range ht_param_range(const ht_port *port, uint16_t id);
 /** True if `value` is finite, in `ht_param_range` and, for choices, whole. */
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
 
-/** Values of the parameter `rotor_start`. */
+/** Value of the parameter `rotor_start` with which the index is waited for. */
 #define HT_ROTOR_START_INDEX 2.0f
-#define HT_ROTOR_START_ABSOLUTE 3.0f
 
 /** Values of the parameter `motion`. */
 enum { HT_MOTION_FOLLOW = 0, HT_MOTION_STOP = 1, HT_MOTION_QUICK_STOP = 2 };

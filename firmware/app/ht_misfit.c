@@ -1,7 +1,6 @@
 #include "ht_misfit.h"
 
 #include "ht_absolute.h"
-#include "ht_configure.h"
 #include "ht_lost_legs.h"
 #include "ht_magnet.h"
 #include "ht_ntc.h"
