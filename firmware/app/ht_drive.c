@@ -86,9 +86,9 @@ static inline void next_leg(ht_drive *d)
     d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
 }
 
-/* The turn is at no leg: it begins anew, with the samples handed over if they were awaited, or four interrupts bring a look that the slow interrupt has asked for.
- * Two of them know the patterns, and two of them or the next ones the currents, because under shadow load a
- * pattern takes effect a period later. */
+/* The turn is at no leg: it begins anew, with the samples handed over if they were awaited, or four interrupts
+ * bring a look that the slow interrupt has asked for. Two of them know the patterns, and two of them or the next
+ * ones the currents, because under shadow load a pattern takes effect a period later. */
 HT_SELDOM static void bring_look(ht_drive *d, const ht_compare *out)
 {
     unsigned part = (unsigned)d->heat_turn - (unsigned)HT_LEGS;
