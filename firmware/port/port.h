@@ -105,7 +105,7 @@ void ht_port_read_capture(ht_port *port, ht_capture *capture);
 
 /** Reading of an absolute encoder on the shaft, counts within a revolution, no older than a slow period.
  *  Waits for no answer. */
-uint32_t ht_port_read_absolute(ht_port *port);
+uint32_t ht_port_read_absolute(const ht_port *port);
 
 /** Hand one period's pattern to the PWM. Harmless while the gates are off. */
 void ht_port_write(ht_port *port, const ht_compare *pattern);

@@ -126,7 +126,7 @@ uint16_t ht_port_read_slow(ht_port *port, uint16_t channel, uint16_t next)
     return reading;
 }
 
-uint32_t ht_port_read_absolute(ht_port *port)
+uint32_t ht_port_read_absolute(const ht_port *port)
 {
     note(port, HT_CALL_READ_ABSOLUTE);
     return port->input.absolute;

@@ -77,7 +77,7 @@ void ht_port_read_capture(ht_port *port, ht_capture *capture)
     }
 }
 
-uint32_t ht_port_read_absolute(ht_port *port)
+uint32_t ht_port_read_absolute(const ht_port *port)
 {
     return HT_ABSOLUTE(port->io);
 }
