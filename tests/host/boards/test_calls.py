@@ -74,9 +74,12 @@ def test_an_absolute_encoder_equals_the_drive_itself(target, fault):
         controller__rotor_start="absolute", sensors__absolute_counts_rev=70000,
         sensors__absolute_fault=fault,
     )  # fmt: skip
-    outcome = pil.compare(setup, PROFILE, target)
-    assert outcome.failures() == []
-    assert outcome.state == ("fault" if fault == "silent" else "run")
+    turns = Profile(duration_s=1.2, speed_rpm=((1.0, 60.0),), samples_per_period=1)
+    outcome = pil.compare(setup, turns, target)
+    tripped = fault == "silent"
+    assert outcome.difference is None and outcome.steps > 100
+    assert outcome.faults == (["absolute encoder"] if tripped else [])
+    assert outcome.state == ("fault" if tripped else "run")
 
 
 def test_commands_trip_and_clear(quick, target):
