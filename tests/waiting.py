@@ -1,4 +1,5 @@
-"""Waiting for another process, on however busy a computer, or until a simulated drive runs."""
+"""Waiting for another process, on however busy a computer, or until a simulated drive runs or has
+ended its start."""
 
 import time
 from collections.abc import Callable
@@ -34,3 +35,11 @@ def until_it_runs(sim) -> None:
     while sim.state in ("calibrate", "build"):
         sim.run(0.05, record=False)
     assert sim.state == "run", sim.faults
+
+
+def started(drive):
+    """Start a simulated drive, and go on until its start has ended, well or not."""
+    drive.start()
+    while drive.state in ("calibrate", "build"):
+        drive.run(drive.period_s * 10, record=False)
+    return drive

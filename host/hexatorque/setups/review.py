@@ -701,7 +701,7 @@ def _of_magnets(d: Design) -> Iterator[Finding]:
         yield Finding(
             "no absolute encoder", 0.0, "", 0.0, "", "bad",
             "controller.rotor_start = absolute needs one: sensors.absolute_counts_rev must be "
-            f"{72 * d.setup['machine.pole_pairs']:g} at least, 72 pole pairs",
+            f"{lib.ht_absolute_least(d.setup['machine.pole_pairs']):g} at least",
         )  # fmt: skip
     if p("rotor_start") == "index" and d.setup["sensors.encoder_index_deg"] == 0:
         yield Finding(

@@ -2,8 +2,10 @@
 whose readings are exact fractions of a revolution.
 """
 
+import re
 from fractions import Fraction
 from math import floor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -162,3 +164,10 @@ def test_no_zero_is_known_before_the_shaft_stands():
 
 def test_the_coarsest_encoder_has_a_reading_each_5_electrical_degrees():
     assert lib.ht_absolute_least(POLE_PAIRS) == 360 * POLE_PAIRS / 5
+
+
+def test_the_misfits_text_tells_the_fewest_readings():
+    """A string of C cannot ask the function."""
+    table = Path(__file__).resolve().parents[3] / "firmware/app/ht_misfits.def"
+    row = re.search(r"^HT_RULE\(ABSOLUTE,.*", table.read_text(encoding="utf-8"), re.M)[0]
+    assert f"at least {lib.ht_absolute_least(1.0):g} times" in row

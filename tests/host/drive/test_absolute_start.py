@@ -4,11 +4,12 @@ ended where its readings and the counts part.
 
 import numpy as np
 import pytest
+from waiting import started
 
 from hexatorque import setups
 from hexatorque.cli.main import main
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.firmware import BUILD, CALIBRATE, FAULT, RUN, lib
+from hexatorque.firmware import CALIBRATE, FAULT, RUN, lib
 from hexatorque.plant.wires import ABSOLUTE_FAULTS
 
 START_DEG, POLE_PAIRS, READINGS = 100.0, 5, 1000
@@ -34,13 +35,6 @@ def held(drive, seconds, rpm=0.0):
     for _ in range(round(seconds / 1e-3)):
         drive.plant_state[6] = rpm * np.pi / 30
         drive.run(1e-3, record=False)
-    return drive
-
-
-def started(drive):
-    drive.start()
-    while drive.state in (CALIBRATE, BUILD):
-        drive.run(drive.period_s * 10, record=False)
     return drive
 
 

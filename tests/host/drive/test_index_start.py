@@ -4,11 +4,12 @@ before torque, and a contradiction of index and counts ends the run.
 
 import numpy as np
 import pytest
+from waiting import started
 
 from hexatorque import setups
 from hexatorque.cli.main import main
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.firmware import BUILD, CALIBRATE, RUN, FirmwareError
+from hexatorque.firmware import RUN, FirmwareError
 
 START_DEG, INDEX_DEG = 100.0, 30.0
 
@@ -35,13 +36,6 @@ def by_hand(drive, deg, rpm=50.0):
     for _ in range(100):
         drive.plant_state[6] = 0.0
         drive.run(1e-3, record=False)
-    return drive
-
-
-def started(drive):
-    drive.start()
-    while drive.state in (CALIBRATE, BUILD):
-        drive.run(drive.period_s * 10, record=False)
     return drive
 
 
