@@ -11,6 +11,7 @@ from drawn_benches import MAGNETS, WINDINGS, explanations
 from scipy.stats import binom
 
 from hexatorque import setups
+from hexatorque.plant import vsd
 from hexatorque.plant.machines import MODELS, parameters_of
 from hexatorque.plant.vsd import PHASES
 from hexatorque.recording.recording import RecordingError
@@ -200,3 +201,19 @@ def test_phases_are_checked_for_every_winding(displacement_deg):
     phases["u1"], phases["w1"] = phases["w1"], phases["u1"]
     with pytest.raises(RecordingError, match="i_u1_A is not phase u1"):
         wiring.check(phases, 1e4, None, displacement_deg)
+
+
+@pytest.mark.parametrize("displacement_deg", [0.0, 30.0, 60.0])
+def test_a_pure_fundamental_has_no_other_harmonics(displacement_deg):
+    """Whatever part of a turn a window has more than whole ones."""
+    step_s, n = 1e-3, 800
+    angle = 2 * np.pi * 23.7 * step_s * np.arange(n) + 0.4
+    ab = 5.0 * np.exp(1j * (angle + 0.3))
+    phases = 3 * np.array([ab.real, ab.imag]).T @ vsd.transform(displacement_deg)[:2]
+    samples = {f"i_{p}_A": phases[:, k] for k, p in enumerate(PHASES)}
+    samples |= {"psi_alpha_Wb": np.cos(angle), "psi_beta_Wb": np.sin(angle)}
+    found = quantities.compute(samples, np.arange(n) // 100, 1, displacement_deg)
+    order = "x-y" if displacement_deg == 30 else "alpha-beta"
+    assert found["current along the flux"] == pytest.approx(5.0 * np.cos(0.3), abs=1e-9)
+    for name in ("unbalance", f"{order} harmonics 5, 7"):
+        assert np.abs(found[name]).max() < 1e-9
