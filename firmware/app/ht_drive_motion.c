@@ -69,6 +69,19 @@ static void note_limits(ht_drive *d, unsigned limits)
     d->limits = (uint16_t)limits;
 }
 
+/* The speed regulator's torque. While V_dc limits the torque, the integral waits: the error that
+ * this leaves would wind it up. */
+static float regulated_Nm(ht_drive *d, const ht_drive_config *c, float error_rad_s, float least_Nm,
+                          float most_Nm, bool waits)
+{
+    ht_speed_state before = d->speed;
+    float torque_Nm = ht_speed_step(&c->speed, &d->speed, error_rad_s, least_Nm, most_Nm);
+    if (waits) {
+        d->speed = before;
+    }
+    return torque_Nm;
+}
+
 void ht_drive_follow_reference(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
@@ -88,9 +101,6 @@ void ht_drive_follow_reference(ht_drive *d, const ht_drive_config *c)
     if (!(d->in.vdc_V > c->vdc.above_V)) {
         d->vdc_from_rpm = (d->speed_rpm < 0.0f) ? -d->speed_rpm : d->speed_rpm;
     }
-    if (vdc_acts != 0u) {
-        ht_speed_follow(&d->speed, d->in.torque_ref_Nm); /* the regulator goes on from there */
-    }
     if (brake == HT_BRAKE_BUILDS) {
         d->torque_ref_Nm = ht_between(c->outputs.hold_Nm, least_Nm, most_Nm);
         ht_ramp_reset(&d->ramp, d->speed_rpm);
@@ -99,7 +109,7 @@ void ht_drive_follow_reference(ht_drive *d, const ht_drive_config *c)
     } else if (brake != HT_BRAKE_OPEN) { /* it moves: stand still */
         float error = -d->speed_rpm * HT_RAD_S_PER_RPM;
         ht_ramp_reset(&d->ramp, 0.0f);
-        d->torque_ref_Nm = ht_speed_step(&c->speed, &d->speed, error, least_Nm, most_Nm);
+        d->torque_ref_Nm = regulated_Nm(d, c, error, least_Nm, most_Nm, vdc_acts != 0u);
         acts |= (unsigned)HT_LIMIT_BRAKE;
     } else if ((v[HT_P_control_mode] != 0.0f) && (v[HT_P_motion] == (float)HT_MOTION_FOLLOW)) {
         d->torque_ref_Nm = ht_between(v[HT_P_torque_ref_Nm], least_Nm, most_Nm);
@@ -108,7 +118,7 @@ void ht_drive_follow_reference(ht_drive *d, const ht_drive_config *c)
     } else {
         float before_rpm = d->ramp.speed_rpm;
         float error = (speed_ref_rpm(d, c) - d->speed_rpm) * HT_RAD_S_PER_RPM;
-        d->torque_ref_Nm = ht_speed_step(&c->speed, &d->speed, error, least_Nm, most_Nm);
+        d->torque_ref_Nm = regulated_Nm(d, c, error, least_Nm, most_Nm, vdc_acts != 0u);
         acts |= ramp_waits(d, c, before_rpm) ? (unsigned)HT_LIMIT_RAMP : 0u;
     }
     if ((d->torque_ref_Nm >= most_Nm) || (d->torque_ref_Nm <= least_Nm)) {

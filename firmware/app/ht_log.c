@@ -91,14 +91,19 @@ static float unpacked(uint32_t all, uint16_t which)
     return (steps == UNKNOWN) ? NAN : (COLDEST_DEGC + STEP_K * (float)steps);
 }
 
+/* Does a model or a thermistor tell the winding's temperature? */
+static bool tells_winding(const ht_drive *d)
+{
+    return (d->config->heat.steps > 0.0f)
+           || ht_ntc_tells(&d->config->ntc[HT_SLOW_WINDING], &d->ntc[HT_SLOW_WINDING]);
+}
+
 static uint32_t temperatures(const ht_drive *d)
 {
     const ht_drive_config *c = d->config;
     bool sink = (d->sensors[HT_SLOW_SINK] == (uint16_t)HT_NTC_WHOLE)
                 && ht_ntc_tells(&c->ntc[HT_SLOW_SINK], &d->ntc[HT_SLOW_SINK]);
-    bool winding = (c->heat.steps > 0.0f)
-                   || ht_ntc_tells(&c->ntc[HT_SLOW_WINDING], &d->ntc[HT_SLOW_WINDING]);
-    return packed(winding, ht_heat_winding_degC(&c->heat, &d->heat))
+    return packed(tells_winding(d), ht_heat_winding_degC(&c->heat, &d->heat))
            | (packed(c->device_heat.K_W > 0.0f, ht_drive_device_degC(d)) << TEN_BITS)
            | (packed(sink, ht_drive_sink_degC(d)) << (2u * TEN_BITS));
 }
@@ -300,8 +305,10 @@ static void follow(ht_drive_log *l, const ht_drive *d)
     }
     if (d->tick != 0u) {
         follow_peaks(l, &d->in, powered, d->speed_rpm);
-        l->counters.winding_degC =
-            larger(ht_heat_winding_degC(&d->config->heat, &d->heat), l->counters.winding_degC);
+        if (tells_winding(d)) {
+            l->counters.winding_degC =
+                larger(ht_heat_winding_degC(&d->config->heat, &d->heat), l->counters.winding_degC);
+        }
     }
     l->at_work = at_work;
     l->faulty = faulty;

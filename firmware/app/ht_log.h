@@ -19,8 +19,8 @@
  *  highest bit of word 1 says so: events of an earlier firmware, without it, have the winding's as a float.
  *
  *  Words of the counters: 1 events that were missed, 2 seconds powered, 4 seconds with the gates on, 6 starts;
- *  the largest 8 dc-link voltage, 10 phase current, 12 speed, 14 temperature of the winding. Of the trips:
- *  word 1 + k counts those of row k of ht_faults.def.
+ *  the largest 8 dc-link voltage, 10 phase current, 12 speed, 14 temperature of the winding (0: nothing told
+ *  it). Of the trips: word 1 + k counts those of row k of ht_faults.def.
  *
  *  Writing. In idle, and in fault but with a wrong clock, a block in a turn of the background. Until then events
  *  wait in RAM. An erase waits until no client is there: it would miss its answers.

@@ -26,6 +26,7 @@ from .output import console_of, print_json
 )
 def setups(names, as_json, schema, schemes) -> int:
     """Built-in set-ups or those named: each value with its source."""
+    from rich.markup import escape
     from rich.table import Table
 
     from .. import setups
@@ -47,7 +48,8 @@ def setups(names, as_json, schema, schemes) -> int:
         for section, rows in setups.describe(setup).items():
             for key, row in rows.items():
                 table.add_row(
-                    section, key, setups.show(row["value"]), row["unit"], row["tag"], row["note"]
+                    section, key, setups.show(row["value"]), row["unit"], row["tag"],
+                    escape(row["note"]),
                 )
             table.add_section()
         console.print(table)

@@ -128,6 +128,16 @@ class Design:
         """The most torque at the full flux."""
         return self.machine.pull_out_Nm(self.flux_Wb)
 
+    @property
+    def slip_Nm(self) -> float:
+        """The torque whose slip at the full flux is `encoder_trip_rpm`; infinity with magnets."""
+        p = self.parameter
+        rotor_ohm = p("rr_ohm") * (p("lm_H") / p("lr_H")) ** 2 if not self.magnets else 0.0
+        slip_rad_s = p("pole_pairs") * rad_s(p("encoder_trip_rpm"))
+        if rotor_ohm == 0 or slip_rad_s == 0:
+            return math.inf
+        return 3 * p("pole_pairs") * slip_rad_s / rotor_ohm * self.flux_Wb**2
+
     def current_A(self, torque_Nm: float) -> float:
         """Amplitude of the current at this torque and the full flux; with magnets, of the least
         current."""
@@ -199,6 +209,11 @@ class Design:
         less than point and profile ask."""
         stated = self.setup["rated.speed_rpm"]
         return stated if stated > 0 else max(self.base_rpm(), self.asked_rpm)
+
+    @property
+    def fastest_rpm(self) -> float:
+        """The larger of the asked and the stated rated speed, or `rated_rpm` if there is neither."""
+        return max(self.asked_rpm, self.setup["rated.speed_rpm"]) or self.rated_rpm
 
     @property
     def steady_point(self) -> tuple[float, float]:

@@ -516,8 +516,9 @@ def _fits(d: Design) -> Iterator[Finding]:
     if p("flux_least_loss") == "on":
         yield at_most(
             "flux_reserve_Nm, which leaves a flux to save", p("flux_reserve_Nm"),
-            PULL_OUT_SHARE * d.pull_out_Nm, "N m",
-            "lower controller.flux_reserve_Nm: the whole flux makes no more", "note",
+            min(PULL_OUT_SHARE * d.pull_out_Nm, d.slip_Nm), "N m",
+            "lower controller.flux_reserve_Nm: the whole flux makes no more, or only with more slip "
+            "than encoder_trip_rpm", "note",
         )  # fmt: skip
     if p("winding_K_W") > 0:
         yield at_most(
@@ -827,7 +828,7 @@ def _link(d: Design) -> Iterator[Finding]:
     p, setup = d.parameter, d.setup
     link_F, ohm = setup["inverter.link_F"], setup["inverter.chopper_ohm"]
     chopper_V = setup["inverter.chopper_on_V"] or p("chopper_on_V")
-    speed_rad_s = rad_s(d.asked_rpm or d.rated_rpm)
+    speed_rad_s = rad_s(d.fastest_rpm)
     if speed_rad_s == 0:
         return
     if chopper_V > 0:
@@ -866,7 +867,7 @@ def _buffered(d: Design) -> Iterator[Finding]:
     p, source_V = d.parameter, d.vdc_V
     least_V = LOW_SHARE * p("vdc_min_V")
     if p("field_weakening") == "off" and (base_rpm := d.base_rpm(usable=1.0)) > 0:
-        least_V = max(least_V, source_V * (d.asked_rpm or d.rated_rpm) / base_rpm)
+        least_V = max(least_V, source_V * d.fastest_rpm / base_rpm)
     room_V = source_V - least_V
     if room_V <= 0:
         return

@@ -242,6 +242,12 @@ def test_a_misfit_is_told(name):
     assert {key: running.get(key) for key in parameters()} == before
 
 
+def test_a_demand_that_no_value_meets_names_the_other_parameter():
+    """6000 s of stop_s, whose range ends at 3600 s."""
+    with pytest.raises(FirmwareError, match="no value in its range is enough, change ramp_down"):
+        Controller("f28377s", {"ramp_down_rpm_s": 1.0, "speed_trip_rpm": 6000.0})
+
+
 def test_the_write_takes_its_time_from_the_pulses():
     changes = {"load_mode": "immediate", "f_isr_Hz": 5e4, "write_delay_us": 9.0}
     with pytest.raises(FirmwareError, match=r"allowed is up to 3\.2 us"):

@@ -310,8 +310,14 @@ def test_a_start_that_trips_before_the_background_looks_is_counted():
 
 
 def test_a_temperature_that_nothing_tells_is_absent():
-    (first,) = events(board())
+    device = board()
+    device.tick(SETTLE)
+    (first,) = events(device)
     assert np.isnan([first.winding_degC, first.device_degC, first.sink_degC]).all()
+    assert counters(device).winding_degC == 0
+    told = board(winding_K_W=0.4)
+    told.tick(SETTLE)
+    assert counters(told).winding_degC == told.controller.number("ambient_degC") > 0
 
 
 #: Each temperature of an event, and what tells it.

@@ -198,17 +198,47 @@ def test_a_real_boards_chopper_is_told_its_resistor():
         controller__chopper_on_V=300.0, controller__chopper_off_V=290.0
     )
     found = {f.subject: f for f in review(setup, [])}["resistor that takes this power, at most"]
-    speed_rad_s = setup["point.speed_rpm"] * math.pi / 30
+    speed_rad_s = setup["rated.speed_rpm"] * math.pi / 30
+    assert speed_rad_s > setup["point.speed_rpm"] * math.pi / 30
     assert found.value == pytest.approx(300**2 / (setup.parameter("torque_limit_Nm") * speed_rad_s))
 
 
-def test_a_reserve_beyond_the_pull_out_leaves_no_flux_to_save():
+@pytest.mark.parametrize(("name", "slips"), (("small-2kw", True), ("symmetrical", False)))
+def test_a_reserve_beyond_the_pull_out_or_the_slip_leaves_no_flux_to_save(name, slips):
+    """Which of the two is the lower one depends on the machine."""
     subject = "flux_reserve_Nm, which leaves a flux to save"
-    setup = setups.load("small-2kw").changed(controller__flux_least_loss="on")
-    most_Nm = 0.8 * Design(setup, setup.parameter).pull_out_Nm
+    setup = setups.load(name).changed(controller__flux_least_loss="on")
+    p = {key: float(setup.parameter(f"{key}")) for key in ("rr_ohm", "lm_H", "lr_H", "pole_pairs")}
+    rotor_Wb = float(setup.parameter("flux_ref_Wb")) * p["lr_H"] / p["lm_H"]
+    slip_rad_s = p["pole_pairs"] * float(setup.parameter("encoder_trip_rpm")) * math.pi / 30
+    slip_Nm = 3 * p["pole_pairs"] * slip_rad_s * rotor_Wb**2 / p["rr_ohm"]
+    pull_out_Nm = 0.8 * Design(setup, setup.parameter).pull_out_Nm
+    assert (slip_Nm < pull_out_Nm) == slips
+    most_Nm = min(slip_Nm, pull_out_Nm)
     assert verdicts(setup)[subject] == "ok"
     for share, verdict in ((0.99, "ok"), (1.01, "note")):
         assert verdicts(setup, controller__flux_reserve_Nm=share * most_Nm)[subject] == verdict
+
+
+def test_the_built_in_set_ups_leave_a_flux_to_save():
+    for name in setups.builtin_names():
+        setup = setups.load(name)
+        if not Design(setup, setup.parameter).magnets:
+            found = verdicts(setup.changed(controller__flux_least_loss="on"))
+            assert found["flux_reserve_Nm, which leaves a flux to save"] == "ok", name
+
+
+def test_braking_is_judged_from_the_stated_rated_speed():
+    """The point is at 100 r/min, from where the shaft's energy would not move the link."""
+    setup = setups.load("paper-a").changed(
+        inverter__link_F=1e-3, rated__speed_rpm=1350.0, point__speed_rpm=100.0
+    )
+    found = {f.subject: f for f in review(setup, [])}
+    reached = found["dc link after braking from the fastest speed, without losses"]
+    energy_J = 0.5 * setup["machine.inertia_kgm2"] * (1350 * math.pi / 30) ** 2
+    assert reached.value == pytest.approx(
+        math.hypot(setup["inverter.vdc_V"], math.sqrt(2 * energy_J / 1e-3)), rel=1e-6
+    )
 
 
 def test_above_the_speed_trip_each_machine_is_told_what_helps():

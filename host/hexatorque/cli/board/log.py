@@ -82,7 +82,7 @@ def _show(console: Console, found: Log) -> None:
         "gates on": duration(one.gates_s),
         "starts": one.starts,
         "largest": f"{one.vdc_V:.1f} V, {one.current_A:.3g} A, {one.speed_rpm:.1f} r/min, "
-        f"{one.winding_degC:.0f} degC",
+        + (f"{one.winding_degC:.0f} degC" if one.winding_degC > 0 else "– degC"),
         "trips": ", ".join(f"{name} {n}" for name, n in found.trips.items()) or "none",
         "missed events": one.missed,
         "damaged slots": one.damaged,
