@@ -71,7 +71,7 @@ def test_another_machines_or_a_short_table_is_refused_in_a_line(tmp_path):
         (
             Iron(),
             30.0,
-            r"id_A is -30 \.\. 30: allowed is -40\.8 \.\. 40\.8 A and more, .*i_ab_trip_A",
+            r"id_A is -30 \.\. 30: allowed is -40\.8 \.\. 0 A and more; 40\.8 A is .*i_ab_trip_A",
         ),
     ):
         file = written(tmp_path / "map.csv", made.rows(most_A, 17))
@@ -85,6 +85,19 @@ def test_another_machines_or_a_short_table_is_refused_in_a_line(tmp_path):
             base.changed(machine__flux_map=value)
     with pytest.raises(SetupError, match="the model induction has no such value"):
         setups.load("paper-b").changed(machine__flux_map="nix.csv")
+
+
+@pytest.mark.parametrize(
+    "most_d_A, most_q_A, said", [(0, 50, None), (0, 40, "iq_A"), (50, 40, "iq_A")]
+)
+def test_a_table_needs_no_positive_id_but_all_of_iq(tmp_path, most_d_A, most_q_A, said):
+    rows = [row for row in Iron().rows(50.0, 21) if row[0] <= most_d_A and row[1] <= most_q_A]
+    change = {"machine.flux_map": written(tmp_path / "map.csv", rows)}
+    if said is None:
+        assert setups.load("magnet-interior").changed(change)["machine.flux_map"]
+        return
+    with pytest.raises(SetupError, match=rf"{said} is -40 \.\. 40: allowed is -40\.8 \.\. 40\.8 A"):
+        setups.load("magnet-interior").changed(change)
 
 
 def grown(change, **of):
