@@ -226,6 +226,25 @@ def drawn(name, number, **changes):
     return sim
 
 
+class Board(SimulatedDrive):
+    """A drive whose samples take a time to come, as over a line, while it goes on."""
+
+    def captured(self, *arguments, **named):
+        found = super().captured(*arguments, **named)
+        self.run(0.8, record=False)
+        return found
+
+
+def test_nothing_swings_the_rotor_while_samples_come():
+    """At rest the shaft stands, and where it is held it is held. The wave itself lasts 40 ms."""
+    setup = setups.load("magnet-interior")
+    sim = Board(setup, 2)
+    found = commissioned(sim, ("inductance",)).inductance
+    assert max(map(abs, found.off_deg)) < 10
+    for of, name in ((found.ld_H, "ld_H"), (found.lq_H, "lq_H")):
+        assert abs(of.value - setup[f"machine.{name}"]) < 0.02 * setup[f"machine.{name}"]
+
+
 def commissioned(sim, steps=None, turns=1.0):
     return commission(sim, Limits(default_current_A(sim), 0.1), steps, turns)
 
