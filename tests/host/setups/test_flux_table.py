@@ -4,6 +4,7 @@ what the drive knows of it."""
 import os
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -42,6 +43,20 @@ def test_a_tuned_copy_finds_the_table_that_the_first_one_named(form, tmp_path, m
     monkeypatch.chdir("/")
     tuned = setups.load(tmp_path / "out" / "tuned.toml")
     assert tuned["machine.flux_map"] == str(tmp_path / "map.csv")
+
+
+def test_a_tuned_copy_that_changes_nothing_finds_it_too(tmp_path):
+    report = pytest.importorskip("hexatorque.tuning.report")
+    written(tmp_path / "map.csv", Iron().rows(50.0, 17))
+    file = tmp_path / "mine.toml"
+    file.write_text("setup = 'magnet-interior'\n[machine]\nflux_map = 'map.csv'\n")
+    tuned = SimpleNamespace(
+        request=SimpleNamespace(setup=SimpleNamespace(values={})), best=SimpleNamespace(chosen={})
+    )
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "tuned.toml").write_text(report.setup_text(tuned, str(file)))
+    found = setups.load(tmp_path / "out" / "tuned.toml")["machine.flux_map"]
+    assert found == str(tmp_path / "map.csv")
 
 
 def test_a_study_finds_its_tables_beside_it(tmp_path, monkeypatch):
