@@ -1,7 +1,7 @@
 /** @file ht_fmu.h
  *  An FMU without the interface of a version of FMI: one drive on the register model of its chip. Around
- *  it are ideal sensors in the controller FMU (ht_fmu_sensors.c), and the simulation's plant in the drive
- *  FMU (ht_fmu_plant.c).
+ *  it are ideal sensors and the simulation's encoder in the controller FMU (ht_fmu_sensors.c), and the
+ *  simulation's plant in the drive FMU (ht_fmu_plant.c). `hexatorque fmu` writes both encoder and plant.
  *
  *  Host only: numbers are double here, as FMI has them.
  *
@@ -17,6 +17,8 @@
 #include "ht_drive.h"
 
 #include <stddef.h>
+
+#include "ht_plant.h"
 
 #ifdef HT_FMU_PLANT
 #include "ht_fmu_plant.h"
@@ -38,15 +40,11 @@ enum { HT_FMU_LINE = 400 };
 /** Takes one line for the user. */
 typedef void (*ht_fmu_say)(void *at, ht_fmu_status status, const char *line);
 
-/** The encoder and the eQEP's capture unit, as the plant of the simulation has them. */
+/** The shaft's encoder. */
 typedef struct {
-    bool begun; /**< `zero_rad` is known */
-    double zero_rad;
-    double position_counts;
-    int64_t counter;
-    double ticks; /**< of the capture clock */
-    int64_t event_tick;
-    int64_t edges; /**< since the last unit event */
+    bool begun;      /**< `zero_rad` is known */
+    double zero_rad; /**< the angle where the counter is 0 */
+    struct plant_sensors sensors;
 } ht_fmu_encoder;
 
 /** All that a step changes. */

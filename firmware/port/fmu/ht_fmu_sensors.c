@@ -1,4 +1,5 @@
-/* Around the controller FMU: ideal sensors, to whose currents, voltage and angle the inputs belong. */
+/* Around the controller FMU: ideal sensors, to whose currents and voltage the inputs belong, and the
+ * set-up's encoder. */
 #include "ht_fmu.h"
 
 #ifndef HT_FMU_PLANT
@@ -7,6 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "ht_plant_data.h"
 #include "ht_virtual_period.h"
 
 /* With the suffix of a long double: a constant without one might be a float. */
@@ -14,91 +16,12 @@
 #define HALF ((double)0.5f)
 /* Positions beyond this have no whole counts as double. */
 #define MOST_COUNTS ((double)9.0e15L)
-/* eQEP: registers and bits (docs/firmware.md) */
-#define QCAPCTL 0x16u
-#define QEPSTS 0x1Cu
-#define QCTMR 0x1Du
-#define QCPRD 0x1Eu
-#define CEN 0x8000u
-#define UPEVNT 0x80u
-#define QDF 0x20u
-#define COEF 0x08u
-#define CDEF 0x04u
-#define TIMER 0x10000
 
 static void convert(ht_fmu_state *s, uint16_t channel, double counts)
 {
     double whole = floor(counts + HALF);
     uint16_t reading = (uint16_t)fmin(fmax(whole, (double)0.0f), (double)(HT_ADC_FULL - 1));
     s->chip.word[s->port.map->adc_result[channel]] = (uint16_t)(reading << s->port.map->adc_shift);
-}
-
-/* Tick of the capture clock `way` counts after it showed `began`. */
-static int64_t tick_at(double began, double slope, double way)
-{
-    return (int64_t)floor(began + slope * way);
-}
-
-/* The capture unit: edges since the last sample, timed as if the speed between two samples were
- * constant. The plant's sensors.py has the same. */
-static void capture(ht_fmu_state *s, double counts, int64_t end, double system_clocks)
-{
-    ht_fmu_encoder *e = &s->encoder;
-    uint16_t *word = &s->chip.word[s->port.eqep];
-    uint16_t control = word[QCAPCTL];
-    uint16_t status = word[QEPSTS];
-    double began = e->ticks;
-    double before = e->position_counts;
-    int64_t start = e->counter;
-    int64_t crossed = (end > start) ? (end - start) : (start - end);
-    int64_t now;
-    e->position_counts = counts;
-    e->counter = end;
-    e->ticks += system_clocks / (double)(1u << ((control >> 4) & 7u));
-    now = (int64_t)floor(e->ticks);
-    if ((control & CEN) == 0u) {
-        e->event_tick = now;
-        return;
-    }
-    if (crossed != 0) {
-        bool forward = end > start;
-        double slope = (e->ticks - began) / (counts - before);
-        int64_t first = forward ? start : (start + 1);
-        int64_t step = forward ? 1 : -1;
-        int64_t unit = (int64_t)1 << (control & 15u);
-        int64_t events = (e->edges + crossed) / unit;
-        if (forward != ((status & QDF) != 0u)) {
-            status = (uint16_t)((status ^ QDF) | CDEF);
-        }
-        if (events > 0) {
-            int64_t k = unit - e->edges;
-            int64_t tick = tick_at(began, slope, (double)(first + k * step) - before);
-            if (tick - e->event_tick >= TIMER) {
-                status = (uint16_t)(status | COEF);
-            }
-            if (events > 1) { /* the period is between the last two */
-                k += (events - 1) * unit;
-                e->event_tick = tick_at(began, slope, (double)(first + (k - unit) * step) - before);
-                tick = tick_at(began, slope, (double)(first + k * step) - before);
-            }
-            word[QCPRD] = (uint16_t)((uint64_t)(tick - e->event_tick) & 0xFFFFu);
-            e->event_tick = tick;
-            status = (uint16_t)(status | UPEVNT);
-        }
-        e->edges += crossed - events * unit;
-    }
-    if (now - e->event_tick >= TIMER) {
-        e->event_tick += (now - e->event_tick) / TIMER * TIMER;
-        status = (uint16_t)(status | COEF);
-    }
-    word[QEPSTS] = status;
-    word[QCTMR] = (uint16_t)(now - e->event_tick);
-}
-
-static double counts_turned(const ht_fmu_state *s)
-{
-    double turned_rad = s->input[HT_FMU_POSITION] - s->encoder.zero_rad;
-    return turned_rad / TWO_PI * (double)s->drive.params.v[HT_P_encoder_counts_rev];
 }
 
 /* Thermistors are at 25 degC. */
@@ -120,6 +43,21 @@ static void sample_slow(ht_fmu_state *s)
     }
 }
 
+/* An incremental encoder's counter is 0 at the first angle. Index and absolute encoder are where they are
+ * on the shaft. */
+static void count_from(ht_fmu_encoder *e, double zero_rad)
+{
+    struct plant_sensors *se = &e->sensors;
+    double turns = zero_rad / TWO_PI;
+    double within = (turns - floor(turns)) * se->encoder_counts_rev;
+    if (se->index_counts >= 0) {
+        se->index_counts += (int64_t)(se->encoder_counts_rev - floor(within + HALF));
+    }
+    se->absolute_rev -= turns;
+    e->zero_rad = zero_rad;
+    e->begun = true;
+}
+
 /* The converters' and the encoder's registers get what the inputs are. The sensors are ideal, with the
  * ranges that the firmware expects. */
 static void sample(ht_fmu_state *s)
@@ -128,9 +66,8 @@ static void sample(ht_fmu_state *s)
     const float *p = s->drive.params.v;
     double per_A = (double)HT_ADC_FULL / ((double)2.0f * (double)p[HT_P_i_full_A]);
     double per_V = (double)HT_ADC_FULL / (double)p[HT_P_vdc_full_V];
-    double turned = counts_turned(s);
-    int64_t counter = (int64_t)floor(turned);
-    uint16_t *position = &s->chip.word[s->port.eqep];
+    ht_fmu_encoder *e = &s->encoder;
+    int failed = 0; /* nothing in the encoder fails */
     uint16_t leg;
     for (leg = 0u; leg < HT_LEGS; leg++) {
         convert(s, leg, s->input[HT_FMU_I + leg] * per_A + (double)HT_ADC_MID);
@@ -138,14 +75,14 @@ static void sample(ht_fmu_state *s)
     convert(s, HT_ADC_VDC, s->input[HT_FMU_VDC] * per_V);
     sample_slow(s);
     s->chip.word[m->adc_flag] = (uint16_t)(s->chip.word[m->adc_flag] | m->adc_flag_bit);
-    position[0] = (uint16_t)((uint64_t)counter & 0xFFFFu);
-    position[1] = (uint16_t)(((uint64_t)counter >> 16) & 0xFFFFu);
-    capture(s, turned, counter, ht_fmu_period_s(s) * (double)m->system_clock_Hz);
+    e->sensors.system_clocks = ht_fmu_period_s(s) * (double)m->system_clock_Hz;
+    plant_encoder(&e->sensors, s->input[HT_FMU_POSITION] - e->zero_rad, s->chip.word, &failed);
 }
 
 void ht_fmu_outside_reset(ht_fmu_state *s)
 {
     memset(&s->encoder, 0, sizeof s->encoder);
+    s->encoder.sensors = sensors_data;
 }
 
 ht_fmu_status ht_fmu_outside_put(ht_fmu *f, uint16_t row, double value)
@@ -164,15 +101,15 @@ double ht_fmu_outside_output(const ht_fmu_state *s, uint32_t row)
 ht_fmu_status ht_fmu_outside_begin(ht_fmu *f)
 {
     ht_fmu_state *s = &f->s;
+    double counts_rev = s->encoder.sensors.encoder_counts_rev;
     char line[HT_FMU_LINE];
-    if (!s->encoder.begun) {
-        s->encoder.zero_rad = s->input[HT_FMU_POSITION];
-        s->encoder.begun = true;
-    }
-    if (fabs(counts_turned(s)) > MOST_COUNTS) {
+    if (fabs(s->input[HT_FMU_POSITION]) / TWO_PI * counts_rev > MOST_COUNTS) {
         (void)snprintf(line, HT_FMU_LINE, "position_rad = %g: too large for the encoder",
                        s->input[HT_FMU_POSITION]);
         return ht_fmu_tell(f, HT_FMU_DISCARD, line);
+    }
+    if (!s->encoder.begun) {
+        count_from(&s->encoder, s->input[HT_FMU_POSITION]);
     }
     return HT_FMU_OK;
 }

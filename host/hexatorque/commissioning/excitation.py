@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..firmware import FAULT, FAULTS, TEST, lib
 from ..plant.vsd import INVERSE, PHASES, TRANSFORM, transform
 from ..recording.recording import FIRST_TICK, Recording
 
+OFF = np.zeros(4)
 CURRENTS = tuple(f"i_{phase}_A" for phase in PHASES)
 #: Values of a capture's memory where the drive does not tell it: the F28377S's image.
 MEMORY = 20480
@@ -219,7 +221,7 @@ class Excitation:
 
     def rest(self, seconds: float) -> None:
         """No voltage for some time: the currents decay."""
-        self.set(np.zeros(4))
+        self.set(OFF)
         self.wait(seconds)
 
     def on_leg(self, leg: int, volts: float) -> np.ndarray:
@@ -259,9 +261,11 @@ class Excitation:
         hertz: float,
         duration_s: float,
         most: int | None = None,
+        then_V: np.ndarray | None = OFF,
     ) -> Samples:
-        """Begin a wave and capture from its begin on, `most` samples at most. The voltage stays on
-        afterwards."""
+        """Begin a wave and capture from its begin on, `most` samples at most. `then_V`: the
+        voltage from when they are taken, while they come from a board: a rotor with magnets that
+        nothing holds would swing in a wave for so long. None: the wave stays on."""
         ticks = round(duration_s * self.f_isr_Hz)
         room = self.most_samples()
         prescaler = max(1, math.ceil((ticks + 2) / min(room, most or room)))
@@ -269,7 +273,8 @@ class Excitation:
         self.drive.arm((*CURRENTS, "vdc_V"), samples, 0, "command", prescaler)
         self.set(vector_V, wave, hertz)
         taken = self.drive.taken_tick
-        found = self.drive.captured(duration_s + 10)
+        full = None if then_V is None else partial(self.set, then_V)
+        found = self.drive.captured(duration_s + 10, full=full)
         self._check()
         first = int(found.meta[FIRST_TICK]) - taken  # ticks after the wave's begin
         return self._samples(found, vector_V, wave, hertz, first, prescaler)

@@ -193,7 +193,8 @@ def _along(
             test.wait(0.1)
         swing_V = share * swing * limit_A * 4 * hertz * found.value
         vector[axis] = min(swing_V, room_V)
-        wave = test.pulse(vector, kind, hertz, periods / hertz)
+        then_V = bias_V(hold) if hold else None
+        wave = test.pulse(vector, kind, hertz, periods / hertz, then_V=then_V)
         found = along(wave, axis)
     test.rest(0.05)
     return found, wave

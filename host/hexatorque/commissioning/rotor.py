@@ -78,7 +78,7 @@ def measure(
         slow_s = lm / ohm + lm / rr
         time_s = min(LONGEST_S, TIME_CONSTANTS * slow_s)
         before_A, _, samples = test.steady(x_V + alpha_V, SETTLE * time_s, MEAN_S)
-        step = test.pulse(x_V - alpha_V, "square", 0.0, time_s, SAMPLES)
+        step = test.pulse(x_V - alpha_V, "square", 0.0, time_s, SAMPLES, then_V=None)
         first = float(plane[0] @ before_A), samples
         found = solve(step, first, 2 * alpha_V[0], ohm, inductance.sigma_ls_H.value, (rr, lm))
         rr, lm = found.rr_ohm.value, found.lm_H.value

@@ -567,6 +567,7 @@ class BoardDrive(DriveVerbs):
         self,
         timeout_s: float | None = None,
         now: bool = False,
+        full: Callable[[], None] | None = None,
         uploaded: Callable[[float], None] | None = None,
         started: bool = False,
     ) -> Recording:
@@ -574,6 +575,8 @@ class BoardDrive(DriveVerbs):
         `started`: for this capture; LinkError if the drive ends before the trigger."""
         dictionary = self.dictionary if started else None
         found = board_captures.wait(self.client, timeout_s, now, dictionary)
+        if full:
+            full()
         return self._upload(found, uploaded)
 
     def _upload(

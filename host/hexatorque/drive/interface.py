@@ -177,10 +177,16 @@ class DriveVerbs(ABC):
         """Disarm the capture."""
 
     @abstractmethod
-    def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
+    def captured(
+        self,
+        timeout_s: float | None = None,
+        now: bool = False,
+        full: Callable[[], None] | None = None,
+    ) -> Recording:
         """Let time pass until the armed capture is complete, and return it; its trigger is at
-        time 0. `now`: trigger it as soon as its `pre` samples are there. An error says so if none
-        is armed, or if it is not complete within `timeout_s` (default: no limit)."""
+        time 0. `now`: trigger it as soon as its `pre` samples are there. `full` is called when all
+        samples are taken: from a board they come in a second or more. An error says so if none is
+        armed, or if it is not complete within `timeout_s` (default: no limit)."""
 
     def capture(
         self,

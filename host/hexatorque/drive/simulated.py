@@ -236,7 +236,12 @@ class SimulatedDrive(Hardware, DriveVerbs):
         if self._burst:
             self._burst.commanded()
 
-    def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
+    def captured(
+        self,
+        timeout_s: float | None = None,
+        now: bool = False,
+        full: Callable[[], None] | None = None,
+    ) -> Recording:
         burst, begun_s = self._burst, self.time_s
         if burst is None:
             raise SetupError("capture: none is armed")
@@ -246,6 +251,8 @@ class SimulatedDrive(Hardware, DriveVerbs):
             if timeout_s is not None and self.time_s - begun_s > timeout_s:
                 raise SetupError(f"capture: not complete within {timeout_s:g} s")
             self.run(CAPTURE_TURN_S)
+        if full:
+            full()
         return burst.recording(self._meta(), self.period_s)
 
     def take(self) -> Recording:

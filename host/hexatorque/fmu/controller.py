@@ -19,7 +19,7 @@ import numpy as np
 from .. import firmware, system
 from ..boards.tools import BuildError, program
 from ..chips import EXACT, SOURCES
-from ..drive.parts import SHORTEST_STEP_S, friction_Nms
+from ..drive.parts import SHORTEST_STEP_S, friction_Nms, sensors
 from ..drive.simulated import SimulatedDrive
 from ..plant.breaks import breaks_of
 from ..plant.legs import KINDS, OPEN
@@ -74,9 +74,18 @@ def sources(setup: Setup, of: str, version: int) -> dict[str, str]:
     literals = {name: repr(np.float32(v).item()) for name, v in starts(setup).items()}
     lines = [f"#define HT_INITIAL_{name} ({text}f)" for name, text in literals.items()]
     found[INITIAL] = "\n".join([f"/* The parameters of {setup.name}. */", *lines]) + "\n"
-    if of == "drive":
-        found |= _plant(setup)
-    return found
+    return found | (_plant(setup) if of == "drive" else _encoder(setup))
+
+
+def _encoder(setup: Setup) -> dict[str, str]:
+    """The set-up's encoder in C."""
+    made, period_s = _controller(setup)
+    data = plant.initialiser(sensors(setup, made, period_s))
+    text = f"""\
+/* The encoder of {setup.name}. */
+static const struct plant_sensors sensors_data = {data};
+"""
+    return {DATA: text, **plant.translate_encoder()}
 
 
 def _plant(setup: Setup) -> dict[str, str]:
@@ -117,6 +126,12 @@ def _plant(setup: Setup) -> dict[str, str]:
         ]
     )
     return {DATA: text + "\n", **plant.translate(sim._machine.dtype)}
+
+
+def _controller(setup: Setup) -> tuple[firmware.Controller, float]:
+    """The firmware with the set-up's parameters, and its period. It says what it refuses."""
+    made = firmware.Controller(setup["timing.device"], parameters(setup))
+    return made, made.period_counts / float(made.map.pwm_clock_Hz)
 
 
 def _made(setup: Setup, token: str) -> str:
@@ -200,15 +215,7 @@ def write(
     """Write the FMU of a set-up. of: its kind (`variables.KINDS`); version: of FMI, 2 or 3;
     only_here: without binaries for other systems; progress: called with the name of each system.
     Returns what systems it has binaries for."""
-    start = setup["controller.rotor_start"]
-    if of == "controller" and start in ("index", "absolute"):
-        raise SetupError(
-            f"fmu: controller.rotor_start = {start}: a controller FMU has no index pulse and no "
-            "absolute encoder: choose align or known, or --kind drive"
-        )
-    # The firmware says what it refuses, before anything is compiled.
-    made = firmware.Controller(setup["timing.device"], parameters(setup))
-    period_s = made.period_counts / float(made.map.pwm_clock_Hz)
+    _, period_s = _controller(setup)  # what the firmware refuses is told before all else
     files = sources(setup, of, version)
     code = [name for name in files if name.endswith(".c")]
     found = variables(setup, of)

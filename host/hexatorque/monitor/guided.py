@@ -54,9 +54,9 @@ class Stoppable:
         self.check_halt()
         self._drive.arm(*arguments)
 
-    def captured(self, *arguments: Any) -> Recording:
+    def captured(self, *arguments: Any, **named: Any) -> Recording:
         self.check_halt()
-        return self._drive.captured(*arguments)
+        return self._drive.captured(*arguments, **named)
 
     def check(self) -> None:
         self.check_halt()

@@ -330,6 +330,25 @@ def _read_absolute(se, angle_rad, regs):
 
 
 @compiled
+def sample_encoder(se, angle_rad, regs):
+    """What the encoder's registers show at this angle of the shaft."""
+    if se.absolute_counts_rev > 0.0:
+        _read_absolute(se, angle_rad, regs)
+    turned = angle_rad / TWO_PI * se.encoder_counts_rev
+    if se.encoder_wires != _STRAIGHT:
+        turned = _wrong_wires(se, turned)
+    if se.hold[7] != 0:
+        turned = se.position_counts
+    counter = _counter(se, turned)
+    position = counter & 0xFFFFFFFF
+    regs[se.eqep] = np.uint16(position & 0xFFFF)
+    regs[se.eqep + 1] = np.uint16(position >> 16)
+    if se.index_counts >= 0:
+        _index(se, counter, regs)
+    _capture(se, turned, counter, regs)
+
+
+@compiled
 def sample(se, m, y, vdc, regs):
     """Convert the present state into the result registers and raise the flag that the
     fast interrupt acknowledges."""
@@ -347,17 +366,4 @@ def sample(se, m, y, vdc, regs):
     if se.slow != 0:
         _sample_slow(se, regs)
     regs[se.adc_flag] |= np.uint16(se.adc_flag_bit)
-    if se.absolute_counts_rev > 0.0:
-        _read_absolute(se, y[7], regs)
-    turned = y[7] / TWO_PI * se.encoder_counts_rev
-    if se.encoder_wires != _STRAIGHT:
-        turned = _wrong_wires(se, turned)
-    if se.hold[7] != 0:
-        turned = se.position_counts
-    counter = _counter(se, turned)
-    position = counter & 0xFFFFFFFF
-    regs[se.eqep] = np.uint16(position & 0xFFFF)
-    regs[se.eqep + 1] = np.uint16(position >> 16)
-    if se.index_counts >= 0:
-        _index(se, counter, regs)
-    _capture(se, turned, counter, regs)
+    sample_encoder(se, y[7], regs)

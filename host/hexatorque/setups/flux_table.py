@@ -50,9 +50,9 @@ def refused(file: str, psi_f_Wb: float, trip_A: float) -> list[str]:
         ]
     return [
         f"machine.flux_map = {file!r}: {name} is {axis[0]:g} .. {axis[-1]:g}: allowed is "
-        f"{-trip_A:g} .. {trip_A:g} A and more, which is controller.i_ab_trip_A"
-        for name, axis in zip(COLUMNS, axes)
-        if min(-axis[0], axis[-1]) < trip_A
+        f"{-trip_A:g} .. {most_A:g} A and more; {trip_A:g} A is controller.i_ab_trip_A"
+        for name, axis, most_A in zip(COLUMNS, axes, (0.0, trip_A))
+        if axis[0] > -trip_A or axis[-1] < most_A
     ][:1]
 
 

@@ -13,7 +13,7 @@ from ..plant.inverter import INVERTER
 from ..plant.load import LOAD, set_load, shaft_step_s
 from ..plant.pwm import PWM, PWM_MAP
 from ..plant.record import names_of
-from ..plant.sensors import SENSORS
+from ..plant.sensors import SENSORS, sample_encoder
 from .translator import COMPLEX_TYPE, HELPERS, Translator
 from .types import INT, REAL, SINGLE, UINT, WORD, Array, Entry, Table
 
@@ -78,6 +78,14 @@ def translate(kind: np.dtype) -> dict[str, str]:
     return files(t)
 
 
+def translate_encoder() -> dict[str, str]:
+    """The same of the encoder alone."""
+    t = Translator(_chosen)
+    sensors = t.record(SENSORS, "plant_sensors")
+    t.function(sample_encoder, [sensors, REAL, Array(WORD, (None,))], "plant_encoder")
+    return files(t)
+
+
 def initialiser(part: np.record | np.ndarray) -> str:
     """The value of a record or an array in C."""
     if isinstance(part, np.void):
@@ -123,7 +131,7 @@ extern const int64_t plant_error_count;
 {HELPERS}
 {t.functions()}
 /* What `*failed` says, from 1 on. */
-const char *const plant_errors[] = {{{texts}}};
+const char *const plant_errors[] = {{{texts or 0}}};
 const int64_t plant_error_count = {len(t.errors)};
 """
     return {HEADER: header, CODE: code}

@@ -36,10 +36,11 @@ def setup_text(tuned: Tuned, source: str) -> str:
     """The user's file, or the built-in set-up, with the tuned values and those that the command
     gave, and all else as it was. `source`: its name or path."""
     built_in = source in builtin_names()
-    text = builtin_text(source) if built_in else source_of(Path(source))
     from ..setups import load
     from . import edit
 
+    path = Path(source)
+    text = builtin_text(source) if built_in else edit.moved(source_of(path), path.parent)
     given = load(source)
     changes: dict[str, dict[str, Value]] = {}
     for section, values in tuned.request.setup.values.items():
@@ -48,9 +49,7 @@ def setup_text(tuned: Tuned, source: str) -> str:
             other |= space.tagged(tuned.best.chosen, note(tuned.request))
         if other:
             changes[section] = other
-    if not changes:
-        return text
-    return edit.edited(text if built_in else edit.moved(text, Path(source).parent), changes)
+    return edit.edited(text, changes) if changes else text
 
 
 def rows_of_parameters(tuned: Tuned) -> list[tuple[str, float, float, str]]:

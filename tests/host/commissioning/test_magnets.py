@@ -12,7 +12,7 @@ from hexatorque import setups
 from hexatorque.cli.board import commission as command
 from hexatorque.cli.options import Mistake
 from hexatorque.commissioning import alignment, emf, inductance, wiring
-from hexatorque.commissioning.excitation import CURRENTS, Limits, frame
+from hexatorque.commissioning.excitation import CURRENTS, Excitation, Limits, frame
 from hexatorque.commissioning.kinds import KINDS, MAGNET
 from hexatorque.commissioning.pictures import pictures
 from hexatorque.commissioning.plans import plan
@@ -224,6 +224,29 @@ def drawn(name, number, **changes):
     sim = SimulatedDrive(setup, 2)
     sim.load_Nm = 0.02 * setup["rated.torque_Nm"]
     return sim
+
+
+class Board(SimulatedDrive):
+    """A drive whose samples take a time to come, as over a line, while it goes on."""
+
+    def captured(self, *arguments, **named):
+        found = super().captured(*arguments, **named)
+        self.run(0.1, record=False)
+        return found
+
+
+@pytest.mark.parametrize("asked, least_A, most_A", [({"then_V": None}, 0.5, 5.0), ({}, 0.0, 0.2)])
+def test_no_wave_swings_the_rotor_while_samples_come(asked, least_A, most_A):
+    """Unless it is to stay on. Currents decay with L_q/R_s, 22 ms at most."""
+    sim = Board(setups.load("magnet-interior"), 2)
+    with Excitation(sim, Limits(5.0, 0.1)) as test:
+        wave = test.pulse(np.array([20.0, 0, 0, 0]), "square", 500.0, 0.012, **asked)
+        left_A = []
+        for _ in range(20):
+            sim.run(sim.period_s, record=False)
+            left_A += [abs(sim.controller.channel(name)) for name in CURRENTS]
+    assert np.abs(wave.i_A).max() > 1.0
+    assert least_A <= max(left_A) <= most_A
 
 
 def commissioned(sim, steps=None, turns=1.0):

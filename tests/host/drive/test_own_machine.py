@@ -58,6 +58,21 @@ def test_reach_of_a_load_above_the_torque_limit_is_none():
     assert "50 N m" in found.reason and "torque_limit_Nm = 4 N m" in found.reason
 
 
+def test_reach_of_magnets_is_where_the_voltage_turns_the_flux_of_least_current():
+    """Each torque has its own flux with magnets. The vectors of the table turn it with 1/sqrt(3) of
+    the link's voltage at most, of which resistance and ripple take a few per cent."""
+    setup, load_Nm = setups.load("magnet-interior").with_scheme("fdr"), 8.0
+    m, pairs = setup.machine_values(), setup["machine.pole_pairs"]
+    i_q = np.linspace(0.0, 100.0, 10_000)
+    h = m["psi_f_Wb"] / (2 * (m["lq_H"] - m["ld_H"]))
+    i_d = h - np.hypot(h, i_q)
+    psi_d, psi_q = m["psi_f_Wb"] + m["ld_H"] * i_d, m["lq_H"] * i_q
+    flux_Wb = np.hypot(psi_d, psi_q)[np.searchsorted(3 * pairs * (psi_d * i_q - psi_q * i_d), 8.0)]
+    ideal_rpm = setup["inverter.vdc_V"] / np.sqrt(3) / flux_Wb / pairs * 30 / np.pi
+    found = reach(setup, load_Nm)
+    assert found.outcome == "held" and 0.88 < found.rpm / ideal_rpm < 1
+
+
 # --- rates -----------------------------------------------------------------------------------
 
 

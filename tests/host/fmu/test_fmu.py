@@ -76,6 +76,107 @@ def test_it_computes_the_bits_of_the_simulation(made, name, changes):
     assert plant.sim.controller.registers.violations == 0 and not fmu.said
 
 
+INDEX_DEG, START_DEG = 30.0, 100.0
+ENCODERS = {
+    "index": {"sensors.encoder_index_deg": INDEX_DEG, "controller.rotor_start": "index"},
+    "absolute": {
+        "sensors.absolute_counts_rev": 1000,
+        "sensors.absolute_deg": INDEX_DEG,
+        "controller.rotor_start": "absolute",
+    },
+    "reversed": {"sensors.absolute_direction": "reversed"},
+}
+ENCODERS["reversed"] |= ENCODERS["absolute"]
+
+
+def magnets(start, wrong_deg=0.0):
+    """A machine whose d axis is at START_DEG at the first angle; its encoder's index or zero is
+    INDEX_DEG of the shaft further."""
+    pairs = setups.load("magnet-surface")["machine.pole_pairs"]
+    zero_deg = START_DEG + INDEX_DEG * pairs + wrong_deg
+    return ENCODERS[start] | {
+        "machine.start_deg": START_DEG,
+        "controller.rotor_zero_deg": (zero_deg + 180) % 360 - 180,
+    }
+
+
+@pytest.mark.parametrize(
+    "start, way, wrong_deg",
+    [
+        ("index", 1, 0.0),
+        ("index", -1, 0.0),
+        ("index", 1, 180.0),
+        ("absolute", 1, 0.0),
+        ("reversed", -1, 0.0),
+        ("absolute", -1, 180.0),
+    ],
+)
+def test_index_and_absolute_encoder_have_the_bits_of_the_simulation(made, start, way, wrong_deg):
+    """The shaft is turned by hand over the index, from either side, and held. A wrong angle is
+    found before the shaft has turned by a quarter of an electrical turn."""
+    setup, _, folder = made("magnet-surface", magnets(start, wrong_deg))
+    plant, fmu = Plant(setup), Fmu(folder).begin()
+    names = [n for n in fmu.variables if n.startswith("channel.")]
+    start_at = 1100
+    for k in range(5000):
+        given = {"run": True, "speed_ref_rpm": way * 300.0} if k == start_at else {}
+        if k < start_at:
+            turns = k < (150 if way > 0 else 1000)
+            plant.sim.plant_state[6] = way * 60.0 if turns else 0.0
+            begun_rad = plant.sim.plant_state[7]
+        command(plant.sim, given)
+        plant.step()
+        fmu.set(**plant.inputs, **given)
+        fmu.step()
+        assert same(fmu.get(*names), plant.channels), k
+        if k > start_at and plant.sim.faults:
+            break
+    assert not fmu.said
+    way_rad = plant.sim.plant_state[7] - begun_rad
+    if wrong_deg:
+        assert plant.sim.faults == ["encoder against flux speed"]
+        assert abs(way_rad) * setup["machine.pole_pairs"] < math.pi / 2
+    else:
+        assert fmu.get("state") == [firmware.lib.HT_STATE_RUN]
+        assert abs(fmu.get("channel.speed_rpm")[0] - way * 300) < 15
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("start", ENCODERS)
+def test_index_and_absolute_zero_are_fixed_to_the_shaft(made, start, way):
+    """Whatever the first angle, where the counter is 0, both are where the set-up tells. An index
+    pulse may be a line wide, four counts, and a reading tells no more than its step."""
+    setup, _, folder = made("magnet-surface", magnets(start))
+    counts_rev = 4 * setup["sensors.encoder_ppr"]
+    reading = counts_rev / 1000 if start != "index" else 0
+    for first_rad in (0.0, 1.0, -9.0, 100.0):
+        fmu = Fmu(folder).begin(vdc_V=setup["inverter.vdc_V"], position_rad=first_rad)
+        assert fmu.get("channel.zero_counts") == [-1]
+        for k in range(4000):
+            fmu.set(position_rad=first_rad + way * 7.0 * min(k / 3000, 1))
+            fmu.step()
+        zero = (math.radians(INDEX_DEG) - first_rad) / (2 * math.pi) * counts_rev
+        off = (fmu.get("channel.zero_counts")[0] - zero + counts_rev / 2) % counts_rev
+        assert abs(off - counts_rev / 2) <= 4 + reading, first_rad
+
+
+def test_without_an_index_and_without_readings_the_drive_does_not_start(made):
+    _, _, folder = made("magnet-surface", magnets("index"))
+    fmu = Fmu(folder).begin(vdc_V=60.0, run=True)
+    fmu.step()
+    ((status, line),) = fmu.said
+    assert status == "warning" and line.startswith("run: the index has not passed"), line
+    _, _, folder = made(
+        "magnet-surface", magnets("absolute") | {"sensors.absolute_fault": "silent"}
+    )
+    fmu = Fmu(folder).begin(vdc_V=60.0, run=True)
+    for _ in range(round(0.2 / fmu.period_s)):
+        fmu.step()
+        assert not any(fmu.get(*GATES))
+    assert fmu.get("state") == [firmware.lib.HT_STATE_FAULT] and not fmu.said
+    assert firmware.causes(int(fmu.get("faults")[0])) == ["absolute encoder"]
+
+
 @pytest.fixture(scope="module")
 def running(made):
     """An FMU whose drive runs, as bytes, and what the sensors of its plant see in the next

@@ -4,6 +4,7 @@ what the drive knows of it."""
 import os
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -44,6 +45,20 @@ def test_a_tuned_copy_finds_the_table_that_the_first_one_named(form, tmp_path, m
     assert tuned["machine.flux_map"] == str(tmp_path / "map.csv")
 
 
+def test_a_tuned_copy_that_changes_nothing_finds_it_too(tmp_path):
+    report = pytest.importorskip("hexatorque.tuning.report")
+    written(tmp_path / "map.csv", Iron().rows(50.0, 17))
+    file = tmp_path / "mine.toml"
+    file.write_text("setup = 'magnet-interior'\n[machine]\nflux_map = 'map.csv'\n")
+    tuned = SimpleNamespace(
+        request=SimpleNamespace(setup=SimpleNamespace(values={})), best=SimpleNamespace(chosen={})
+    )
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "tuned.toml").write_text(report.setup_text(tuned, str(file)))
+    found = setups.load(tmp_path / "out" / "tuned.toml")["machine.flux_map"]
+    assert found == str(tmp_path / "map.csv")
+
+
 def test_a_study_finds_its_tables_beside_it(tmp_path, monkeypatch):
     tables = [written(tmp_path / f"{n}.csv", Iron(bend_q=n / 10).rows(50.0, 17)) for n in (3, 5)]
     (tmp_path / "study.toml").write_text(
@@ -71,7 +86,7 @@ def test_another_machines_or_a_short_table_is_refused_in_a_line(tmp_path):
         (
             Iron(),
             30.0,
-            r"id_A is -30 \.\. 30: allowed is -40\.8 \.\. 40\.8 A and more, .*i_ab_trip_A",
+            r"id_A is -30 \.\. 30: allowed is -40\.8 \.\. 0 A and more; 40\.8 A is .*i_ab_trip_A",
         ),
     ):
         file = written(tmp_path / "map.csv", made.rows(most_A, 17))
@@ -85,6 +100,19 @@ def test_another_machines_or_a_short_table_is_refused_in_a_line(tmp_path):
             base.changed(machine__flux_map=value)
     with pytest.raises(SetupError, match="the model induction has no such value"):
         setups.load("paper-b").changed(machine__flux_map="nix.csv")
+
+
+@pytest.mark.parametrize(
+    "most_d_A, most_q_A, said", [(0, 50, None), (0, 40, "iq_A"), (50, 40, "iq_A")]
+)
+def test_a_table_needs_no_positive_id_but_all_of_iq(tmp_path, most_d_A, most_q_A, said):
+    rows = [row for row in Iron().rows(50.0, 21) if row[0] <= most_d_A and row[1] <= most_q_A]
+    change = {"machine.flux_map": written(tmp_path / "map.csv", rows)}
+    if said is None:
+        assert setups.load("magnet-interior").changed(change)["machine.flux_map"]
+        return
+    with pytest.raises(SetupError, match=rf"{said} is -40 \.\. 40: allowed is -40\.8 \.\. 40\.8 A"):
+        setups.load("magnet-interior").changed(change)
 
 
 def grown(change, **of):
