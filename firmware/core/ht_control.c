@@ -594,8 +594,9 @@ HT_SELDOM static ht_vsd aligning_without_pu(const ht_control_config *cfg,
                     wanted_A * u.beta + damping_A * u.alpha};
     float share = most_A / ht_lost_legs_most_A(&st->lost, wanted);
     ht_voltage_law_input seen;
+    ht_vsd left = i;
     share = (share < 1.0f) ? share : 1.0f;
-    i.xy = ht_lost_legs_across(&st->lost, i.xy);
+    left.xy = ht_lost_legs_across(&st->lost, i.xy);
     /* The rotor hardly turns: nothing is induced. */
     seen.psi_Wb.alpha = m->sigma_ls_H * i.ab.alpha;
     seen.psi_Wb.beta = m->sigma_ls_H * i.ab.beta;
@@ -605,7 +606,8 @@ HT_SELDOM static ht_vsd aligning_without_pu(const ht_control_config *cfg,
     seen.vdc_V = in->vdc_V;
     seen.emf_V = no_voltage.xy;
     return ht_lost_legs_command(
-        &st->lost, m, &seen, aligning_pu(cfg, u, share * most_A, share * damping_A, i, in->vdc_V));
+        &st->lost, m, &seen,
+        aligning_pu(cfg, u, share * most_A, share * damping_A, left, in->vdc_V));
 }
 
 void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
