@@ -55,7 +55,10 @@ float ht_magnet_aside_rad(const ht_magnet_config *m, ht_ab axis, ht_vsd i_A)
     float stiff_VAs = along_A * (m->psi_f_Wb + m->saliency_H * along_A);
     float rad = 0.0f;
     int n;
-    for (n = 0; (n < ASIDE_ROUNDS) && (stiff_VAs > 0.0f); n++) {
+    if (!(stiff_VAs > 0.0f)) {
+        return 0.0f;
+    }
+    for (n = 0; n < ASIDE_ROUNDS; n++) {
         ht_xy e = ht_magnet_emf_V(m, ht_turned(axis, rad), 1.0f);
         rad = (e.x * i_A.xy.x + e.y * i_A.xy.y) / stiff_VAs;
     }
