@@ -1,8 +1,8 @@
 #include "ht_alignment.h"
 
-/* Directions of the current: a quarter of a turn apart. */
+/* The first direction is a quarter of a turn ahead of the last. */
 #define ASIDE 3u
-#define ALONG 0u
+#define DIRECTIONS 12u
 /* Share of the time for which the rotor is pulled aside. In its second half the swing is looked at. With
  * little friction it is still large, and where it happens to be at the end tells little. */
 #define ASIDE_SHARE 0.4f
@@ -11,6 +11,10 @@
 /* Largest distance of a rotor at rest from the angle it was pulled to, electrical turns. A known angle
  * is up to 15 degrees from the nearest direction; friction may leave as much again. */
 #define NEAR_TURNS (1.0f / 12.0f)
+
+/* Nor does any rotor that swings turn further. An encoder that counts backwards makes what is to damp the swing
+ * of a drive without a leg keep it up, and the rotor slowly goes round. */
+#define MOST_TURNS 2
 
 /* A rotor whose angle is known and right is no further from the direction than that while it swings. From
  * a wrong one the direct current pulls it there. */
@@ -58,7 +62,7 @@ static uint16_t nearest(const ht_alignment_config *cfg, uint32_t electrical)
     uint16_t half = (uint16_t)(1u - cfg->first);
     float steps = 12.0f * turns + 0.5f * (float)half;
     uint16_t direction = (uint16_t)steps;
-    return (direction < 12u) ? direction : 0u;
+    return (direction < DIRECTIONS) ? direction : 0u;
 }
 
 uint32_t ht_electrical(uint32_t electrical, int32_t moved, uint16_t pole_pairs, uint32_t counts_rev)
@@ -80,13 +84,16 @@ static void look(ht_alignment_state *st, uint32_t end)
     st->end = end;
 }
 
-void ht_alignment_begin(const ht_alignment_config *cfg, ht_alignment_state *st)
+void ht_alignment_begin(const ht_alignment_config *cfg, ht_alignment_state *st, uint16_t along)
 {
-    st->direction = ASIDE;
+    st->along = along;
+    st->direction = (uint16_t)((along + ASIDE) % DIRECTIONS);
     if (cfg->known) {
         st->direction = nearest(cfg, st->electrical);
     }
     st->aside = st->electrical;
+    st->before = st->electrical;
+    st->travelled = 0;
     look(st, cfg->ticks);
 }
 
@@ -112,6 +119,12 @@ ht_alignment ht_alignment_step(const ht_alignment_config *cfg, ht_alignment_stat
     int32_t way = way_to(st->electrical, st->lookout, cfg->counts_rev);
     st->least = (way < st->least) ? way : st->least;
     st->most = (way > st->most) ? way : st->most;
+    st->travelled += way_to(st->electrical, st->before, cfg->counts_rev);
+    st->before = st->electrical;
+    if ((st->travelled > MOST_TURNS * (int32_t)cfg->counts_rev)
+        || (st->travelled < -MOST_TURNS * (int32_t)cfg->counts_rev)) {
+        return HT_NOT_ALIGNED;
+    }
     if (cfg->known
         && (apart(st->electrical, angle_of(cfg, st->direction), cfg->counts_rev)
             > share(cfg->counts_rev, AWAY_TURNS))) {
@@ -122,7 +135,7 @@ ht_alignment ht_alignment_step(const ht_alignment_config *cfg, ht_alignment_stat
     }
     if (!cfg->known && (tick == share(cfg->ticks, ASIDE_SHARE))) {
         st->aside = ht_electrical(st->lookout, (st->least + st->most) / 2, 1u, cfg->counts_rev);
-        st->direction = ALONG;
+        st->direction = st->along;
     }
     if (tick == (cfg->ticks - cfg->ticks / 4u)) {
         look(st, cfg->ticks);

@@ -3,6 +3,7 @@
 #include "ht_drive_inside.h"
 #include "ht_limited.h"
 #include "ht_vsd.h"
+#include "ht_winding.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -10,6 +11,8 @@
 /* No shaft turns further than this in a period (electrical angle). A position counter that jumps
  * must not make the rotor flux grow without bound; finding the jump is the protection's task. */
 #define TURN_MAX_RAD 1.5f
+
+#define TURNS_PER_RAD 0.159154943f
 
 void ht_drive_set_levels(ht_drive *d)
 {
@@ -560,10 +563,26 @@ static inline void drive(ht_drive *d, bool build)
     protect_after(d);
 }
 
+/* Without some of the legs the current in x-y turns the rotor aside, as far as its harmonics are told. */
+HT_SELDOM static void turn_aside(ht_drive *d)
+{
+    const ht_alignment_config *c = &d->config->alignment;
+    const ht_observer_config *m = &d->config->control.observer;
+    ht_vsd i;
+    float counts = TURNS_PER_RAD * (float)c->counts_rev;
+    i.ab = d->control.observer.i_A;
+    i.xy = d->control.i_xy_A;
+    counts *= ht_magnet_aside_rad(&m->magnet, ht_twelfth(m->winding, d->rotor.direction), i);
+    d->rotor.electrical = ht_electrical(d->rotor.electrical, (int32_t)counts, 1u, c->counts_rev);
+}
+
 /* The rotor with magnets stands where its angle is known, and the drive goes on from there. */
 HT_SELDOM static void begin_run_with_magnets(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
+    if ((d->control.lost.axes != 0u) && !c->alignment.known) {
+        turn_aside(d);
+    }
     d->in.axis = ht_unit((float)d->rotor.electrical / (float)c->alignment.counts_rev);
     ht_observer_align(&c->control.observer, &d->control.observer, d->control.observer.i_A,
                       d->in.axis);
@@ -595,7 +614,7 @@ HT_SELDOM static void align(ht_drive *d)
     ht_compare out;
     look_at_link(d);
     if (d->state_ticks == 1u) {
-        ht_alignment_begin(&c->alignment, &d->rotor);
+        ht_alignment_begin(&c->alignment, &d->rotor, ht_lost_legs_aligning(&d->control.lost));
     }
     step = ht_alignment_step(&c->alignment, &d->rotor, d->state_ticks);
     if (step == HT_NOT_ALIGNED) {
@@ -605,6 +624,7 @@ HT_SELDOM static void align(ht_drive *d)
         ht_drive_trip(d, faults);
         return;
     }
+    d->in.omega_rad_s = omega_rad_s(d);
     ht_control_align(&c->control, &d->control, &d->in, d->rotor.direction, &out);
     write_pattern(d, &out);
     if (gates_refused(d)) {

@@ -117,9 +117,6 @@ static bool magnets_fit(const float *v, uint16_t misfit)
     case HT_MISFIT_RIDE_SHORT:
         result = (v[HT_P_ride_through] == 0.0f) || (v[HT_P_trip_state] == 0.0f);
         break;
-    case HT_MISFIT_MAGNET_LEGS:
-        result = v[HT_P_lost_legs] == 0.0f;
-        break;
     case HT_MISFIT_ABSOLUTE:
         result = (v[HT_P_rotor_start] != HT_ROTOR_START_ABSOLUTE)
                  || (v[HT_P_absolute_counts_rev] >= ht_absolute_least(v[HT_P_pole_pairs]));
@@ -370,7 +367,6 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         break;
     case HT_MISFIT_SALIENCY:
     case HT_MISFIT_CEILING:
-    case HT_MISFIT_MAGNET_LEGS:
     case HT_MISFIT_XY_STEP:
     case HT_MISFIT_RIDE_SHORT:
     case HT_MISFIT_ABSOLUTE:

@@ -549,24 +549,23 @@ HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_sta
 /* Most voltage that aligns, units of Vdc: legs that are limited make one in x-y, too. */
 #define ALIGN_MOST_PU 0.5f
 
-/* The voltage, units of Vdc, that brings the current to `build_current_A` in this direction and holds it
- * there. Across it there is none: what a swinging rotor induces there drives a current through R_s, and
- * that damps the swing. It leaves less for the direction, so that the whole current keeps its limit. L_d
- * is the least inductance that the voltage meets. */
-static ht_vsd aligning_pu(const ht_control_config *cfg, unsigned direction, ht_vsd i, float vdc_V)
+static float across_A(ht_ab u, ht_ab i)
+{
+    return u.alpha * i.beta - u.beta * i.alpha;
+}
+
+/* The voltage, units of Vdc, that brings the current to `most_A` and holds it there, most of it along the unit
+ * vector `u` and `damping_A` across it. L_d is the least inductance that the voltage meets. */
+static ht_vsd aligning_pu(const ht_control_config *cfg, ht_ab u, float most_A, float damping_A,
+                          ht_vsd i, float vdc_V)
 {
     const ht_observer_config *m = &cfg->observer;
-    float first = (m->winding == HT_WINDING_30) ? 1.0f : 0.0f;
-    ht_ab u = ht_unit((1.0f / 24.0f) * (first + 2.0f * (float)direction));
     float share_pu = ALIGN_SHARE * m->inv_ts / vdc_V;
     float ab_pu = m->magnet.ld_H * share_pu;
     float xy_pu = m->lxy_H * share_pu;
-    float most_A = cfg->build_current_A;
-    float across_A = u.alpha * i.ab.beta - u.beta * i.ab.alpha;
-    float damping_A = ht_limited(across_A, most_A);
     float wanted_A = sqrtf(most_A * most_A - damping_A * damping_A);
     float along = ab_pu * (wanted_A - ht_along(u, i.ab)) + m->rs_ohm / vdc_V * wanted_A;
-    float across = ab_pu * (damping_A - across_A);
+    float across = ab_pu * (damping_A - across_A(u, i.ab));
     float size_pu = sqrtf(along * along + across * across);
     ht_vsd v;
     if (size_pu > ALIGN_MOST_PU) {
@@ -578,6 +577,37 @@ static ht_vsd aligning_pu(const ht_control_config *cfg, unsigned direction, ht_v
     v.xy.x = -xy_pu * i.xy.x;
     v.xy.y = -xy_pu * i.xy.y;
     return v;
+}
+
+/* Without some of the legs. Where two legs of a set are left, the dead time keeps a small current from flowing,
+ * so what damps a swing is commanded: the current that R_s would let flow. No leg carries more than the whole
+ * current. */
+HT_SELDOM static ht_vsd aligning_without_pu(const ht_control_config *cfg,
+                                            const ht_control_state *st, ht_ab u, ht_vsd i,
+                                            const ht_control_input *in)
+{
+    const ht_observer_config *m = &cfg->observer;
+    float most_A = cfg->build_current_A;
+    float damping_A = ht_limited(-m->magnet.psi_f_Wb * in->omega_rad_s / m->rs_ohm, most_A);
+    float wanted_A = sqrtf(most_A * most_A - damping_A * damping_A);
+    ht_ab wanted = {wanted_A * u.alpha - damping_A * u.beta,
+                    wanted_A * u.beta + damping_A * u.alpha};
+    float share = most_A / ht_lost_legs_most_A(&st->lost, wanted);
+    ht_voltage_law_input seen;
+    ht_vsd left = i;
+    share = (share < 1.0f) ? share : 1.0f;
+    left.xy = ht_lost_legs_across(&st->lost, i.xy);
+    /* The rotor hardly turns: nothing is induced. */
+    seen.psi_Wb.alpha = m->sigma_ls_H * i.ab.alpha;
+    seen.psi_Wb.beta = m->sigma_ls_H * i.ab.beta;
+    seen.rotor_Wb = no_voltage.ab;
+    seen.turn_rad = 0.0f;
+    seen.rs_ohm = m->rs_ohm;
+    seen.vdc_V = in->vdc_V;
+    seen.emf_V = no_voltage.xy;
+    return ht_lost_legs_command(
+        &st->lost, m, &seen,
+        aligning_pu(cfg, u, share * most_A, share * damping_A, left, in->vdc_V));
 }
 
 void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
@@ -595,7 +625,13 @@ void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
     st->carry.legs = 0u;
     begin_pattern(cfg, st);
     if (cfg->shadow) {
-        modulate(cfg, st, in, winding, aligning_pu(cfg, direction, i, in->vdc_V), out);
+        ht_ab u = ht_twelfth(winding, direction);
+        ht_vsd v = (st->lost.axes != 0u)
+                       ? aligning_without_pu(cfg, st, u, i, in)
+                       : aligning_pu(cfg, u, cfg->build_current_A,
+                                     ht_limited(across_A(u, i.ab), cfg->build_current_A), i,
+                                     in->vdc_V);
+        modulate(cfg, st, in, winding, v, out);
         return;
     }
     if (i2 < cfg->build_current_A * cfg->build_current_A) {

@@ -116,7 +116,7 @@ typedef struct {
     float torque_ref_Nm;
     float flux_ref_Wb;
     float turn_rad;      /**< electrical angle the rotor turned since the last sample */
-    float omega_rad_s;   /**< electrical speed of the rotor, while a shaft is caught */
+    float omega_rad_s;   /**< electrical speed of the rotor, to catch or align it */
     ht_ab axis;          /**< d axis of a rotor with magnets */
     float inv_flux_ref2; /**< 1 / flux_ref_Wb^2, prepared by the slow loop */
 } ht_control_input;
@@ -162,10 +162,10 @@ uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uin
                          float set2_ohm);
 
 /** One period of the alignment of a rotor with magnets: direct current of `build_current_A` in `direction`
- *  (0..11, 15 degrees and 30 more each; from 0 degrees on where the sets are not 30 degrees apart), nothing
- *  in x-y. Under shadow load the modulator makes the voltage that this takes. Under immediate load, which
- *  the modulator does not do, it is the zero-mean virtual vector while the current is below its limit. Nothing is
- *  estimated: where the magnets' flux is, is not known. */
+ *  (ht_twelfth), nothing in x-y. Without some of the legs, what they force on x-y, no leg has more than
+ *  `build_current_A`, and `omega_rad_s` of the input must be there. Under shadow load the modulator makes the
+ *  voltage that this takes. Under immediate load, which the modulator does not do, it is the zero-mean virtual
+ *  vector while the current is below its limit. Nothing is estimated: where the magnets' flux is, is not known. */
 void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
                       const ht_control_input *in, unsigned direction, ht_compare *out);
 

@@ -2,6 +2,7 @@
 
 #include "ht_limited.h"
 #include "ht_tables.h"
+#include "ht_winding.h"
 
 #include <math.h>
 
@@ -18,6 +19,10 @@
 #define CLAMP_ROOM 0.66f
 /* No inverter makes more than this, units of Vdc. */
 #define MOST_PU 1.0f
+/* Directions of direct current in half a turn: the other half has the same, negated. */
+#define HALF_TURN 6u
+/* Squares that differ by less are equal. */
+#define EQUAL 0.01f
 
 static float along(ht_ab a, ht_ab v)
 {
@@ -153,6 +158,49 @@ ht_xy ht_lost_legs_across(const ht_lost_legs *lost, ht_xy value)
     n5.x *= size;
     n5.y *= size;
     return n5;
+}
+
+/* The x-y current that a current in alpha-beta has without the legs, if there is none across b. */
+static ht_xy forced(const ht_lost_legs *lost, ht_ab i)
+{
+    ht_xy made = {0.0f, 0.0f};
+    uint16_t n;
+    for (n = 0u; n < lost->axes; n++) {
+        const ht_lost_axis *x = &lost->axis[n];
+        float size = along(x->a, i);
+        made.x -= size * x->b.x;
+        made.y -= size * x->b.y;
+    }
+    return made;
+}
+
+uint16_t ht_lost_legs_aligning(const ht_lost_legs *lost)
+{
+    uint16_t best = 0u;
+    float least2 = 2.0f; /* more than any */
+    uint16_t k;
+    for (k = 0u; k < HALF_TURN; k++) {
+        ht_xy i = forced(lost, ht_twelfth(lost->winding, k));
+        float size2 = i.x * i.x + i.y * i.y;
+        if (size2 < (least2 - EQUAL)) {
+            least2 = size2;
+            best = k;
+        }
+    }
+    return best;
+}
+
+float ht_lost_legs_most_A(const ht_lost_legs *lost, ht_ab i_A)
+{
+    ht_xy xy = forced(lost, i_A);
+    float most = 0.0f;
+    int leg;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        const ht_vsd *column = &ht_transform[lost->winding][leg];
+        float size = fabsf(3.0f * (along(column->ab, i_A) + along_xy(column->xy, xy)));
+        most = (size > most) ? size : most;
+    }
+    return most;
 }
 
 ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *machine,

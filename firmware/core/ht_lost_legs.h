@@ -68,6 +68,15 @@ ht_ab ht_lost_legs_expected(const ht_lost_legs *lost, const ht_observer_config *
 /** The part of an x-y quantity that is left to regulate: none along b. */
 ht_xy ht_lost_legs_across(const ht_lost_legs *lost, ht_xy value);
 
+/** The direction (ht_twelfth) in which a rotor with magnets is aligned: along it the legs force the least
+ *  current on x-y, and harmonics of the induced voltage turn the rotor least with that. One lost leg leaves
+ *  0.26 of the current in alpha-beta, or none where the sets are not 30 degrees apart. Two or a set leave all
+ *  of it in every direction. The first of equal ones, 0 if no leg is lost. */
+uint16_t ht_lost_legs_aligning(const ht_lost_legs *lost);
+
+/** Current of the most loaded leg, `i_A` being that in alpha-beta. */
+float ht_lost_legs_most_A(const ht_lost_legs *lost, ht_ab i_A);
+
 /** The voltage that the remaining legs must be given for a law's voltage, units of Vdc. The
  *  lost leg's own command is free. It is chosen such that the other two legs of its set are near
  *  the lower rail while the machine's voltage drives the lost leg's terminal up, and near the upper

@@ -46,6 +46,25 @@ ht_xy ht_magnet_emf_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s)
     return v;
 }
 
+/* The harmonics at the angle turn with five or seven times of it: each round takes half of the rest. */
+#define ASIDE_ROUNDS 6
+
+float ht_magnet_aside_rad(const ht_magnet_config *m, ht_ab axis, ht_vsd i_A)
+{
+    float along_A = ht_along(axis, i_A.ab);
+    float stiff_VAs = along_A * (m->psi_f_Wb + m->saliency_H * along_A);
+    float rad = 0.0f;
+    int n;
+    if (!(stiff_VAs > 0.0f)) {
+        return 0.0f;
+    }
+    for (n = 0; n < ASIDE_ROUNDS; n++) {
+        ht_xy e = ht_magnet_emf_V(m, ht_turned(axis, rad), 1.0f);
+        rad = (e.x * i_A.xy.x + e.y * i_A.xy.y) / stiff_VAs;
+    }
+    return rad;
+}
+
 /* i_d = h - sqrt(h^2 + i_q^2) with h = psi_f / 2(L_q - L_d): there the torque per ampere is largest. */
 static float along_A(const ht_magnet_config *m, float q_A)
 {

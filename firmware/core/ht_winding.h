@@ -4,6 +4,7 @@
 #ifndef HT_WINDING_H
 #define HT_WINDING_H
 
+#include "ht_angle.h"
 #include "ht_tables.h"
 #include "ht_vsd.h"
 
@@ -23,6 +24,14 @@ static HT_INTO_CALLERS ht_vsd ht_of_legs(ht_winding winding, ht_vsd v)
 static inline unsigned ht_large_of(ht_winding winding)
 {
     return (winding == HT_WINDING_30) ? (unsigned)HT_L : ((unsigned)HT_S + (unsigned)winding);
+}
+
+/** Unit vector of one of twelve directions of direct current: 15 degrees and 30 more each, from 0 degrees on
+ *  where the sets are not 30 degrees apart. */
+static inline ht_ab ht_twelfth(ht_winding winding, unsigned direction)
+{
+    float first = (winding == HT_WINDING_30) ? 1.0f : 0.0f;
+    return ht_unit((1.0f / 24.0f) * (first + 2.0f * (float)direction));
 }
 
 #endif

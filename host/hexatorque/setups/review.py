@@ -1074,14 +1074,15 @@ def _without_leg(d: Design, controller: Controller) -> Iterator[Finding]:
         return
     lib, config = firmware.lib, controller.drive.config
     lost = firmware.ffi.new("ht_lost_legs *")
-    lib.ht_lost_legs_of(config.control.observer.winding, 1, lost)
+    known = int(d.parameter("lost_legs"))
+    lib.ht_lost_legs_of(config.control.observer.winding, known or 1, lost)
     omega = d.machine.pole_pairs * rad_s(d.rated_rpm)
     most_A = lib.ht_derated_A(lost, config.derating.rated_A)
     left_V = lib.ht_derated_V(
         firmware.ffi.addressof(config.derating), d.vdc_V, d.machine.rs_ohm, omega, most_A
     )
     yield at_least(
-        "torque left at rated speed without a phase",
+        f"torque left at rated speed without {'lost_legs' if known else 'a phase'}",
         d.machine.most_torque_Nm(omega, d.flux_Wb, left_V, most_A, PULL_OUT_SHARE), d.rated_Nm,
         "N m", "a drive that goes on without one takes no more load", "note",
     )  # fmt: skip

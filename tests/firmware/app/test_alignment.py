@@ -18,6 +18,6 @@ def test_a_known_rotor_is_pulled_to_the_nearest_direction(first_deg):
     directions = np.exp(1j * np.deg2rad(first_deg + 30 * np.arange(12)))
     for counts in [*range(50, COUNTS_REV, 100), COUNTS_REV - 1]:
         state.electrical = counts
-        lib.ht_alignment_begin(cfg, state)
+        lib.ht_alignment_begin(cfg, state, 0)
         rotor = np.exp(2j * np.pi * counts / COUNTS_REV)
         assert state.direction == np.argmax((directions * rotor.conj()).real)

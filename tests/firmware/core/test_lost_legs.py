@@ -333,3 +333,34 @@ def test_windings_without_a_leg_90_degrees_away(displacement_deg):
         along = abs(np.dot(phase[one, :2], phase[two, :2])) > 0.99
         assert largest_share(mask, phase) == pytest.approx(0.0 if along else 0.5, abs=0.001)
         assert lib.ht_lost_legs_of(winding, mask, lost) == 0
+
+
+@pytest.mark.parametrize("displacement_deg, phases", [(d, p) for d in CARRIED for p in CARRIED[d]])
+def test_a_rotor_is_aligned_where_the_legs_force_the_least_current_on_xy(displacement_deg, phases):
+    """Of the currents that the other legs can carry, the one with no more x-y current than it must
+    have: by least squares, for each of twelve directions. The most loaded leg is known."""
+    lost = unwritten("ht_lost_legs *")
+    winding, phase = DISPLACEMENTS_DEG.index(displacement_deg), inverse(displacement_deg)
+    legs = [PHASES.index(one) for one in phases.split("+")]
+    lib.ht_lost_legs_of(winding, word(phases.split("+")), lost)
+    first_deg = 15 if displacement_deg == 30 else 0
+    forced = []
+    for k in range(12):
+        u = np.exp(1j * np.deg2rad(first_deg + 30 * k))
+        i_ab = np.array([u.real, u.imag])
+        i_xy = np.linalg.lstsq(phase[legs, 2:], -phase[legs, :2] @ i_ab, rcond=None)[0]
+        currents = phase @ [*i_ab, *i_xy]
+        assert np.abs(currents[legs]).max() < 1e-9
+        forced.append(np.linalg.norm(i_xy))
+        most_A = lib.ht_lost_legs_most_A(lost, ab(2.5 * i_ab))
+        assert most_A == pytest.approx(2.5 * np.abs(currents).max(), rel=1e-5)
+    best = lib.ht_lost_legs_aligning(lost)
+    assert forced[best] == pytest.approx(min(forced), abs=1e-6)
+    if len(legs) > 1:  # it is the same everywhere
+        assert best == 0 and min(forced) == pytest.approx(max(forced))
+
+
+def test_with_all_legs_a_rotor_is_aligned_in_direction_0():
+    lost = unwritten("ht_lost_legs *")
+    lib.ht_lost_legs_of(lib.HT_WINDING_30, 0, lost)
+    assert lib.ht_lost_legs_aligning(lost) == 0

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 from hexatorque.firmware import ffi, lib
 
@@ -414,14 +414,41 @@ def test_the_electrical_angle_is_counted_exactly(electrical, moved, pole_pairs, 
     assert found == (electrical % counts + moved * pole_pairs) % counts
 
 
-def aligned(known, path, counts=8192, pole_pairs=3, ticks=1000, electrical=0, first=1):
+@pytest.mark.parametrize("direction_deg", [15, 105, 225])
+@pytest.mark.parametrize("i_xy", [1.2 - 0.7j, -4 + 3j, 0j])
+def test_how_far_a_current_in_xy_turns_a_rotor_that_direct_current_holds(
+    machine, direction_deg, i_xy
+):
+    """The angle without torque, by search, with 5 and 3 % of fifth and seventh harmonic: within
+    0.3 degrees where the x-y current is as large."""
+    _, ld, lq, psi_f, _ = machine
+    e5, e7, i = 0.05 * np.exp(0.4j), 0.03 * np.exp(2j), 5 * np.exp(1j * np.deg2rad(direction_deg))
+
+    def torque(ahead):
+        axis = i / abs(i) * np.exp(1j * ahead)
+        dq = i / axis
+        induced = 1j * psi_f * (e5 * axis**5 - np.conj(e7 * axis**7))
+        return (psi_f + (ld - lq) * dq.real) * dq.imag + (induced * np.conj(i_xy)).real
+
+    rest = brentq(torque, -0.5, 0.5, xtol=1e-9)
+    seen = {"ab": pair(i), "xy": pair(i_xy)}
+    found = lib.ht_magnet_aside_rad(magnet(machine, e5, e7), pair(i / abs(i)), seen)
+    assert found == pytest.approx(rest, rel=0.04, abs=1e-6 + np.deg2rad(0.3) * abs(i_xy / i))
+
+
+def test_no_current_turns_no_rotor_aside(machine):
+    none = {"ab": [0.0, 0.0], "xy": [1.0, 1.0]}
+    assert lib.ht_magnet_aside_rad(magnet(machine, 0.05), [1.0, 0.0], none) == 0.0
+
+
+def aligned(known, path, counts=8192, pole_pairs=3, ticks=1000, electrical=0, first=1, along=0):
     """`path(tick, direction in degrees)`: electrical degrees of the shaft from its beginning.
-    Direction 0 lies at 15 degrees, or with `first` 0 at 0."""
+    Direction 0 lies at 15 degrees, or with `first` 0 at 0; `along` is the last one."""
     cfg, state = ffi.new("ht_alignment_config *"), ffi.new("ht_alignment_state *")
     cfg.known, cfg.ticks, cfg.counts_rev, cfg.pole_pairs = known, ticks, counts, pole_pairs
     cfg.first = first
     state.electrical = electrical
-    lib.ht_alignment_begin(cfg, state)
+    lib.ht_alignment_begin(cfg, state, along)
     at = 0
     for tick in range(1, 8 * ticks):
         to = round(path(tick, 15 * first + 30 * state.direction) / 360 / pole_pairs * counts)
@@ -435,12 +462,21 @@ def aligned(known, path, counts=8192, pole_pairs=3, ticks=1000, electrical=0, fi
 
 @pytest.mark.parametrize("at_first", [0, 100, -170])
 @pytest.mark.parametrize("first", [0, 1])
-def test_alignment_ends_in_the_first_direction(at_first, first):
-    result, degrees, tick = aligned(
-        False, lambda t, to: to - at_first if t > 50 else 0, first=first
-    )
+@pytest.mark.parametrize("along", [0, 5, 11])
+def test_alignment_ends_in_the_last_direction_from_a_quarter_of_a_turn_ahead(
+    at_first, first, along
+):
+    asked = []
+
+    def path(t, to):
+        asked.append(to)
+        return (to - asked[0] + 180) % 360 - 180 - at_first if t > 50 else 0
+
+    result, degrees, tick = aligned(False, path, first=first, along=along)
     assert result == lib.HT_ALIGNED and tick == 1000
-    assert degrees == pytest.approx(15 * first, abs=0.2)
+    last = 15 * first + 30 * along
+    assert asked[-1] == last and (asked[0] - last) % 360 == 90
+    assert degrees == pytest.approx(last, abs=0.2)
 
 
 @pytest.mark.parametrize(
@@ -453,6 +489,13 @@ def test_alignment_ends_in_the_first_direction(at_first, first):
 )
 def test_an_alignment_that_the_encoder_does_not_show_is_refused(path):
     assert aligned(False, path)[0] == lib.HT_NOT_ALIGNED
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_rotor_that_goes_round_ends_it(sign):
+    """After two turns."""
+    result, _, tick = aligned(False, lambda t, to: 3 * sign * t)
+    assert result == lib.HT_NOT_ALIGNED and tick == pytest.approx(240, abs=1)
 
 
 def test_a_shaft_that_swings_is_waited_for():

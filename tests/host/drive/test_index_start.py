@@ -67,6 +67,20 @@ def test_the_index_tells_the_angle(deg):
     assert abs(angle_error_deg(drive)) < 0.5
 
 
+@pytest.mark.parametrize("wrong_deg", [0.0, 180.0])
+def test_the_angle_is_checked_without_a_leg(wrong_deg):
+    drive = resting(
+        wrong_deg, controller__lost_legs=8, controller__ride_through="least-loss",
+        controller__i_rated_A=3.5,
+    )  # fmt: skip
+    drive.break_leg("w1", "open")
+    started(by_hand(drive, 40))
+    if wrong_deg:
+        assert drive.faults == ["encoder against flux speed"]
+    else:
+        assert drive.state == RUN and abs(angle_error_deg(drive)) < 0.5
+
+
 @pytest.mark.parametrize("wrong_deg", [180.0, 120.0, -90.0])
 def test_a_wrong_angle_of_the_index_is_found_within_a_quarter_of_an_electrical_turn(wrong_deg):
     drive = by_hand(resting(wrong_deg), 40)

@@ -6,6 +6,7 @@ import at_point
 import numpy as np
 import pytest
 from at_point import SAMPLES, at
+from waiting import started
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
@@ -276,11 +277,16 @@ def test_an_open_phase_is_named(name, scheme):
     assert "phase w2 lost" in drive.snapshot["warnings"]
 
 
-def riding(name, scheme, mode="least-loss", **more):
-    """A drive that is to go on without a leg, and its design."""
+def riding_setup(name, mode="least-loss"):
     setup = setups.load(name)
     rated_A = Design(setup, setups.parameters(setup).__getitem__).rated_A / np.sqrt(2)
-    return begun(name, scheme, controller__ride_through=mode, controller__i_rated_A=rated_A, **more)
+    return setup.changed(controller__ride_through=mode, controller__i_rated_A=rated_A)
+
+
+def riding(name, scheme, mode="least-loss", **more):
+    """A drive that is to go on without a leg, and its design."""
+    setup = riding_setup(name, mode).with_scheme(scheme, machine__start_deg=100.0, **more)
+    return at_point.begun(setup)
 
 
 @pytest.mark.parametrize("name, scheme, kind, mode, speed_pu, load_pu", [
@@ -361,6 +367,106 @@ def test_a_second_lost_phase_stops(second):
     assert {"phase u1 lost", "another phase lost"} <= set(drive.snapshot["warnings"])
 
 
+#: Fifth and seventh harmonic whose torques add up where many a rotor is aligned.
+HARMONICS = {"machine__emf_share": (0.05, 0.03, 0, 0), "machine__emf_deg": (-90, 90, 0, 0)}
+
+
+def without(name, scheme, lost, kind="open", mode="least-loss", start_deg=100.0, **more):
+    """A drive at standstill that knows that it lacks legs, and its design."""
+    phases = lost.split("+")
+    setup = riding_setup(name, mode).with_scheme(
+        scheme, machine__start_deg=start_deg,
+        controller__lost_legs=sum(32 >> PHASES.index(one) for one in phases), **more,
+    )  # fmt: skip
+    drive = SimulatedDrive(setup, SAMPLES)
+    for one in phases:
+        drive.break_leg(one, kind)
+    return drive, Design(setup, setups.parameters(setup).__getitem__)
+
+
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("name, scheme, lost, start_deg", [
+    ("magnet-interior", "db-dtfc", "u1", 100.0), ("magnet-surface", "ddr", "u2", 100.0),
+    ("magnet-24v", "foc-24", "w1", 100.0), ("magnet-interior", "foc", "w2", -60.0),
+    ("magnet-surface", "dtc3", "v1", -170.0), ("magnet-interior", "db-dtfc", "v2", 0.0),
+    ("magnet-surface", "foc", "u1+v2", -170.0), ("magnet-interior", "db-dtfc", "u2+w1", 100.0),
+    ("magnet-24v", "foc-24", "w2+v1", 0.0), ("magnet-interior", "foc", "u1+w1+v1", -170.0),
+    ("magnet-surface", "db-dtfc", "u2+w2+v2", 100.0),
+])  # fmt: skip
+def test_alignment_without_legs_finds_the_rotor(name, scheme, lost, start_deg, told):
+    """Within 1.5 electrical degrees if the harmonics are told. Untold ones of these sizes turn the
+    rotor by 0.26 * 0.08 rad at most if one leg is lost, by 0.08 rad if several are. The saliency
+    makes it more: psi_f/(psi_f - (L_q - L_d) i). While the rotor rests no leg carries more than
+    `build_current_A`, and while it moves i_trip_A is far."""
+    hidden = {} if told else {"controller__emf5_share": 0.0, "controller__emf7_share": 0.0}
+    drive, _ = without(name, scheme, lost, start_deg=start_deg, **HARMONICS, **hidden)
+    drive.start()
+    while drive.state in (CALIBRATE, BUILD):
+        drive.run(0.02)
+    assert drive.state == "run", drive.trip
+    several = "+" in lost
+    build_A = drive.get("build_current_A")
+    pull_A = build_A / (1.9 if several else 1.0)
+    m = drive.machine
+    stiff = 1 - (m.lq_H - m.ld_H) * pull_A / m.psi_f_Wb
+    untold_deg = np.degrees(0.08 * (1.0 if several else 0.26)) / stiff + 0.5
+    assert abs(angle_error_deg(drive)) < (1.5 if told else untold_deg)
+    rec = drive.take()
+    leg_A = np.max([np.abs(rec[f"plant.i_{one}_A"]) for one in PHASES], axis=0)
+    at_rest = leg_A[int(0.9 * len(leg_A)) : int(0.95 * len(leg_A))]
+    assert 0.9 * build_A < at_rest.max() < 1.1 * build_A
+    assert leg_A.max() < 1.6 * build_A
+
+
+@pytest.mark.parametrize("name, scheme, lost, kind, mode, points", [
+    ("magnet-interior", "db-dtfc", "w1", "open", "least-loss", ((0.5, 0.4), (-0.3, 0.4))),
+    ("magnet-surface", "ddr", "u2", "blocked", "least-loss", ((0.3, -0.4), (0.03, 0.4))),
+    ("magnet-24v", "db-ipwm", "u1", "upper", "most-torque", ((0.7, 0.4), (-0.7, -0.4))),
+    ("magnet-interior", "foc", "u2+w1", "open", "least-loss", ((-0.5, 0.4), (0.03, -0.4))),
+    ("magnet-surface", "db-dtfc", "u1+v1", "blocked", "least-loss", ((0.5, 0.35), (-0.5, 0.35))),
+])  # fmt: skip
+def test_start_without_legs(name, scheme, lost, kind, mode, points):
+    """Speed within 0.5 % and estimated torque within 1.5 % of the rated ones, as with all legs."""
+    drive, design = without(name, scheme, lost, kind, mode, **HARMONICS)
+    started(drive)
+    for speed_pu, load_pu in points:
+        rec = at(drive, design, speed_pu, load_pu)
+        assert drive.state == "run", drive.trip
+        off_rpm = rec["plant.speed_rpm"].mean() - speed_pu * design.rated_rpm
+        assert abs(off_rpm) < 0.005 * design.rated_rpm
+        off_Nm = rec["torque_Nm"].mean() - rec["plant.torque_Nm"].mean()
+        assert abs(off_Nm) < 0.015 * design.rated_Nm
+        rms_A = [np.sqrt(np.mean(rec[f"plant.i_{one}_A"] ** 2)) for one in PHASES]
+        assert max(rms_A) < 1.02 * drive.get("i_rated_A")
+
+
+@pytest.mark.parametrize("name, scheme, lost", [
+    ("magnet-interior", "db-dtfc", "u1"), ("magnet-surface", "ddr", "w2"),
+    ("magnet-24v", "foc-24", "v1"), ("magnet-surface", "foc", "u2+w1"),
+    ("magnet-interior", "foc", "u2+w2+v2"),
+])  # fmt: skip
+@pytest.mark.parametrize("wrong_deg", [0.0, 180.0, 120.0, -90.0])
+def test_a_known_angle_is_checked_without_legs(name, scheme, lost, wrong_deg):
+    """A wrong one is found within a quarter of an electrical turn."""
+    drive, _ = without(
+        name, scheme, lost, controller__rotor_start="known",
+        controller__rotor_zero_deg=(100.0 + wrong_deg + 180) % 360 - 180, **HARMONICS,
+    )  # fmt: skip
+    started(drive)
+    if wrong_deg == 0:
+        assert drive.state == "run" and abs(angle_error_deg(drive)) < 0.5
+        return
+    assert drive.faults == ["encoder against flux speed"]
+    assert abs(drive.plant_state[7]) * drive.machine.pole_pairs < np.pi / 2
+
+
+def test_an_encoder_that_counts_backwards_gives_no_torque_without_a_leg():
+    """Then the current that is to damp the swing drives it, for two electrical turns."""
+    drive, _ = without("magnet-surface", "ddr", "v1", sensors__encoder_wires="swapped")
+    assert started(drive).faults == ["encoder against flux speed"]
+    assert abs(drive.plant_state[7]) < 2.1 * 2 * np.pi / drive.machine.pole_pairs
+
+
 @pytest.mark.parametrize("phases", [("u1", "u2"), ("u1", "w1"), ("u1", "v2")])
 def test_two_phases_lost_at_once_stop(phases):
     """The residual may have the direction of a third. Whichever leg is switched off, another loss
@@ -426,8 +532,6 @@ def test_with_wrong_parameters_it_holds(wrong):
         ({"machine.ld_H": 20e-3}, "with magnets L_d may not be above L_q"),
         ({"machine.psi_f_Wb": 0.0}, "machine.psi_f_Wb = 0: allowed range is 1e-05 .. 100 Wb"),
         ({"controller.speed_trip_rpm": 9000.0}, "the magnets may induce vdc_max_V at most"),
-        ({"controller.ride_through": "least-loss", "controller.i_rated_A": 4.5,
-          "controller.lost_legs": 32}, "with magnets a drive cannot start without a leg"),
         ({"controller.ride_through": "least-loss", "controller.i_rated_A": 4.5,
           "controller.trip_state": "short-circuit", "controller.magnets_bear_A": 75.0,
           "sensors.i_full_A": 90.0}, "a short circuit brakes with all legs"),

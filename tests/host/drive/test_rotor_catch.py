@@ -165,7 +165,9 @@ def test_a_wrong_angle_gives_no_torque(share, wrong_deg):
 def refused(shaft):
     with pytest.raises(FirmwareError) as error:
         shaft.drive.start()
-    assert "cannot be caught now (magnets: only where their angle is known" in str(error.value)
+    assert "cannot be caught now (only with all legs; magnets: where their angle is known" in str(
+        error.value
+    )
     assert "\n" not in str(error.value)
     assert shaft.drive.state == IDLE
 
@@ -185,6 +187,15 @@ def test_after_a_parameter_that_sets_the_drive_up_again_it_is_not_known():
     shaft = Shaft("magnet-surface", "ddr").aligned().turned(0.3)
     shaft.drive.set("calibration_s", 0.03)
     refused(shaft)
+
+
+def test_without_a_leg_it_is_refused():
+    """The current with all legs low is another one then."""
+    shaft = Shaft(
+        "magnet-surface", "ddr", wrong_deg=0.0, controller__lost_legs=32,
+        controller__ride_through="least-loss", controller__i_rated_A=3.5,
+    )  # fmt: skip
+    refused(shaft.turned(0.3))
 
 
 def test_near_the_ceiling_it_is_refused():

@@ -6,10 +6,13 @@ import at_point
 import numpy as np
 import pytest
 from at_point import at
+from waiting import started
 
 from hexatorque import setups
+from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.errors import InputError
 from hexatorque.plant.vsd import PHASES
+from hexatorque.setups.design import Design
 
 #: A machine of each kind, both windings, each law.
 DRIVES = [
@@ -92,6 +95,12 @@ def test_the_drive_goes_on_without_a_leg(displacement_deg, scheme, mode, phase):
     assert 0.9 * RATED_A < largest_A < 1.1 * RATED_A
 
 
+def angle_error_deg(drive, start_deg):
+    true = start_deg + np.degrees(drive.plant_state[7] * drive.machine.pole_pairs)
+    believed = 360 * drive.controller.drive.rotor.electrical / drive.get("encoder_counts_rev")
+    return (true - believed + 180) % 360 - 180
+
+
 @pytest.mark.parametrize("start", ["align", "known"])
 @pytest.mark.parametrize("start_deg", [-170.0, 100.0])
 def test_magnets_are_aligned_along_30_degrees_and_their_multiples(start, start_deg):
@@ -100,9 +109,33 @@ def test_magnets_are_aligned_along_30_degrees_and_their_multiples(start, start_d
         controller__rotor_start=start, controller__rotor_zero_deg=start_deg,
     )  # fmt: skip
     assert drive.state == "run", drive.trip
-    true = start_deg + np.degrees(drive.plant_state[7] * drive.machine.pole_pairs)
-    believed = 360 * drive.controller.drive.rotor.electrical / drive.get("encoder_counts_rev")
-    assert abs((true - believed + 180) % 360 - 180) < 2
+    assert abs(angle_error_deg(drive, start_deg)) < 2
+
+
+@pytest.mark.parametrize("displacement_deg", [0, 60])
+@pytest.mark.parametrize("name, scheme, lost", [
+    ("magnet-surface", "foc", "u2"), ("magnet-interior", "db-dtfc", "w1"),
+    ("magnet-surface", "foc", "u2+w2+v2"),
+])  # fmt: skip
+def test_magnets_start_without_legs(displacement_deg, name, scheme, lost):
+    """Angle within 1.5 degrees; the torque is known as with all legs."""
+    phases = lost.split("+")
+    setup = setups.load(name).with_scheme(
+        scheme, machine__displacement_deg=displacement_deg, machine__start_deg=-130.0,
+        controller__lost_legs=sum(32 >> PHASES.index(one) for one in phases),
+        controller__ride_through="least-loss", controller__i_rated_A=3.5,
+    )  # fmt: skip
+    drive = SimulatedDrive(setup, at_point.SAMPLES)
+    for one in phases:
+        drive.break_leg(one, "open")
+    started(drive)
+    assert drive.state == "run", drive.trip
+    assert abs(angle_error_deg(drive, -130.0)) < 1.5
+    design = Design(setup, setups.parameters(setup).__getitem__)
+    rec = at(drive, design, 0.4, 0.3)
+    off_Nm = rec["torque_Nm"].mean() - rec["plant.torque_Nm"].mean()
+    assert abs(off_Nm) < 0.02 * design.rated_Nm
+    assert rec["plant.speed_rpm"].mean() == pytest.approx(0.4 * design.rated_rpm, rel=0.01)
 
 
 @pytest.mark.parametrize(
