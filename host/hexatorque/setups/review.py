@@ -31,7 +31,7 @@ from .derived import (
     standing_leg_W,
     write_delay_us,
 )
-from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Demand, Design, rad_s
+from .design import PULL_OUT_SHARE, REACH_PU, SPEED_HELD, USABLE, Demand, Design, rad_s
 from .doubts import judged
 from .estimate import MAIN_OVER_LEAKAGE, PRODUCT, published_kW, usual
 from .finding import NOT_READY, Finding
@@ -1230,15 +1230,22 @@ def _reach(d: Design, row: Any, by_table: bool) -> Iterator[Finding]:
         return min(p("torque_limit_Nm"), d.most_torque_Nm(asked.speed_rpm, usable_V))
 
     # A source that is lost is asked for nothing.
-    held = [asked for asked in d.demands if asked.vdc_V > p("vdc_min_V")] or d.demands
-    worst = max(held, key=lambda asked: asked.load_Nm - most_Nm(asked))
+    met = [asked for asked in d.demands if asked.vdc_V > p("vdc_min_V")] or d.demands
+    worst = max(met, key=lambda asked: asked.load_Nm - most_Nm(asked))
     load_Nm = worst.load_Nm
     if by_table and d.magnets:
         load_Nm += p("torque_band_Nm")  # the mean may be so far below the limit
     where = "rated speed" if worst.speed_rpm == d.rated_rpm else f"{worst.speed_rpm:.0f} r/min"
     if worst.vdc_V != d.vdc_V:
         where += f" and {worst.vdc_V:g} V"
-    yield at_least(f"torque left at {where}", most_Nm(worst), load_Nm, "N m", more)
+    # A speed that gives way a little leaves the flux, and with it the torque, that the load needs.
+    slower = worst._replace(speed_rpm=worst.speed_rpm - SPEED_HELD * d.rated_rpm)
+    held = most_Nm(slower) >= load_Nm
+    advice = f"the speed gives way by up to {100 * SPEED_HELD:g} %; to avoid it {more}"
+    yield at_least(
+        f"torque left at {where}", most_Nm(worst), load_Nm, "N m",
+        advice if held else more, "note" if held else "bad",
+    )  # fmt: skip
 
 
 def _refused(setup: Setup, findings: list[Finding]) -> Iterator[Finding]:

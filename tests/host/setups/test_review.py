@@ -121,6 +121,24 @@ def test_the_torque_is_judged_at_the_voltage_that_the_profile_leaves():
     assert low.value < 0.5 * high.value and low.limit == 6
 
 
+def test_a_torque_that_a_speed_within_what_counts_as_held_leaves_is_noted():
+    """The voltage decides: the torque goes with its square over the speed of the flux, of which the
+    slip stays. 2 % of the rated 2850 r/min are 2.85 % of the 2000 that are asked for: they leave
+    at most 6 % more torque."""
+    setup = {"rated__speed_rpm": 2850, "rated__torque_Nm": 6.7, "controller__vdc_min_V": 100.0}
+
+    def judged(load_Nm):
+        loads = {"profile.load_Nm": [[1.0, load_Nm]]}
+        text = f'setup = "small-2kw"\n{PROFILE}vdc_V = [[2, 250]]\n'
+        found = review(setups.parse(text, "x").changed(loads, **setup), ["foc"])
+        return next(f for f in found if f.subject.startswith("torque left at"))
+
+    left_Nm = judged(6.0).value
+    for share, verdict in ((0.99, "ok"), (1.01, "note"), (1.06, "bad")):
+        assert judged(share * left_Nm).verdict == verdict
+    assert judged(1.01 * left_Nm).advice.startswith("the speed gives way by up to 2 %")
+
+
 def test_a_capacitor_outlasts_a_source_that_is_lost():
     """Nothing is asked of the source while it is away, and the link is not the source."""
     found = sagging(0, inverter__link_F=1e-3)
