@@ -58,6 +58,8 @@ XY_FLUX_OF_LARGE = 0.075
 XY_PEAK = 3.5
 #: Transitions of all legs in a period, at most and in the mean, divided by the twelve of f_sw.
 SWITCHING = {"single": 1 / 6, "pair": 1 / 5, "virtual L": 1 / 3, "virtual ML": 2 / 3}
+#: Time constant that is proposed to bring the mean torque to its reference.
+MEAN_S = 2.0
 #: A mean torque that is further from its reference, in % of it, is a note.
 HELD_PCT = 5.0
 #: Share of the voltage, rms, that the shortest pulse may change.
@@ -1018,6 +1020,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         PEAK, _peak_A(d, row), p("i_trip_A"), "A",
         "may trip: take a scheme that controls the x-y currents; else "
         f"{_more_current(d, lambda d: _peak_A(d, row))}, {faster}",
+        "bad" if _peak_A(d, row, brakes=False) > p("i_trip_A") else "doubtful",
     )  # fmt: skip
     if row.regulated:
         yield at_most(
@@ -1116,6 +1119,10 @@ def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
         yield from _of_pulses(d, controller, changed, where)
     yield _told(MEAN_NM + where, error_Nm, "N m")
     advice = "lower controller.torque_band_Nm, or raise controller.f_isr_Hz"
+    if d.parameter("control_mode") == "torque":
+        if d.parameter("torque_mean_s") > 0:
+            return  # the drive brings it to the reference
+        advice += f", or set controller.torque_mean_s = {MEAN_S:g}"
     if error_pct <= 0:
         yield at_least(MEAN_PCT + where, error_pct, -HELD_PCT, "%", advice, "note")
     elif error_pct > 0:
@@ -1150,10 +1157,27 @@ def _vector_pu(d: Design, row: Any) -> float:
     return row.reach_pu / COS_15 if virtual else lib.ht_longest_pu(d.winding)
 
 
-def _peak_A(d: Design, row: Any) -> float:
-    """Current under a table at the torque limit."""
-    ripple_A = d.flux_step_Wb(d.period_s, _vector_pu(d, row)) / d.machine.least_H
+def _peak_A(d: Design, row: Any, brakes: bool = True) -> float:
+    """Current under a table at the torque limit. A vector that brakes adds to the voltage that the
+    turning flux induces, so it moves the current furthest at the fastest speed."""
+    volts = _vector_pu(d, row) * d.vdc_V + brakes * _induced_V(d)
+    ripple_A = volts * d.period_s / d.machine.least_H
+    if not d.magnets:
+        ripple_A *= 1 + _unseen(d.machine.sigma_ls_H, d.parameter("sigma_ls_H"))
     return _xy_A(d, row) + d.current_A(d.parameter("torque_limit_Nm")) + ripple_A
+
+
+def _unseen(true_H: float, believed_H: float) -> float:
+    """The law decides while a step is under way, which it sees as large as the inductance that it
+    believes makes it: the share that it does not see comes on top of the next one. One that it sees
+    too large only makes it turn back sooner."""
+    return max(0.0, 1 - true_H / believed_H)
+
+
+def _induced_V(d: Design) -> float:
+    """At the fastest speed, where the flux is weakened to what the voltage turns."""
+    omega = d.machine.pole_pairs * rad_s(max(d.asked_rpm, d.rated_rpm))
+    return min(omega * d.steady_Wb, USABLE * REACH_PU * d.vdc_V)
 
 
 def _xy_A(d: Design, row: Any) -> float:
@@ -1162,7 +1186,15 @@ def _xy_A(d: Design, row: Any) -> float:
 
     step_A = lib.ht_scheme_xy_step_pu(row, d.winding) * d.vdc_V * d.period_s / d.machine.lxy_H
     single = row.vectors == lib.HT_VECTORS_SINGLE
-    return _single_xy_A(d, step_A) if single and step_A else step_A + _swing_A(d, row)
+    if single and step_A:
+        return _single_xy_A(d, step_A)
+    if row.vectors in (lib.HT_VECTORS_PAIR, lib.HT_VECTORS_PAIR_SMALL):
+        step_A *= 1 + _unseen(d.machine.lxy_H, d.parameter("lxy_H"))
+    if row.vectors == lib.HT_VECTORS_VIRTUAL:
+        # Gone at the next sample. In between only comparators look, whose levels are higher.
+        above_A = d.parameter("comparator_above_pu") * d.parameter("i_full_A")
+        step_A = max(0.0, step_A - above_A)
+    return step_A + _swing_A(d, row)
 
 
 def _xy_gain(d: Design) -> float:
