@@ -218,6 +218,7 @@ CASES = {
         {**MAGNET, "rotor_start": "absolute", "absolute_counts_rev": 143},
         "absolute_counts_rev = 143, pole_pairs = 2: with rotor_start = absolute the first must be",
     ),
+    "TORQUE_MEAN": ({"torque_mean_s": 0.49}, "torque_mean_s = 0.49 s, f_slow_Hz = 100 Hz: with it"),
 }
 
 
