@@ -4,7 +4,7 @@ Every finding compares a value with a limit and says what to change. The values 
 set-up by formulas, without simulation; the mean torque under a switching table from the firmware's
 law (`mean_torque`). A limit beyond which the drive cannot do its work, or may
 trip, is "bad"; one beyond which it works, but not well, is a "note". Where an estimate decides
-whether something of a scheme is bad, it is "doubtful".
+whether something of a scheme is bad, or the worst moment alone would trip, it is "doubtful".
 """
 
 from __future__ import annotations
