@@ -184,8 +184,9 @@ typedef struct {
     ht_absolute_state absolute;         /**< the same */
     uint16_t torque_limited_by; /**< HT_LIMIT_...: what makes `torque_limit_Nm` what it is */
     ht_flux_brake_state flux_brake;
-    ht_look look;       /**< of the fast interrupt for the slow one, which asks for it */
-    uint16_t look_turn; /**< of numbers at random */
+    ht_look look;         /**< of the fast interrupt for the slow one, which asks for it */
+    uint16_t look_turn;   /**< of numbers at random */
+    float torque_more_Nm; /**< of `torque_ref_Nm`, for the mean torque; the slow interrupt's */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. No interrupt

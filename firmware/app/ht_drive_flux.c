@@ -7,11 +7,10 @@
 #include <stddef.h>
 
 /* Below the first speed of the flux R_r has no visible effect. From the load HT_LOWER_LOAD on,
- * R_r matters, and the flux is lowered to the share below until its speed is above the second
- * limit. Lowering it increases the slip of a rated load, 9.4 rad/s, by 1.7 rad/s: the second limit
+ * R_r matters, and the flux is lowered to the share below until its speed is above
+ * HT_TURNING_RAD_S. Lowering it increases the slip of a rated load, 9.4 rad/s, by 1.7 rad/s: that limit
  * lies above 2.5 + 1.7, or the drive would switch back and forth. */
 #define STANDING_RAD_S 2.5f
-#define TURNING_RAD_S 4.5f
 #define LOWER_FLUX 0.92f
 
 /* Where load and speed make the flux stand still, R_r cannot be observed, and a drive with a wrong
@@ -23,7 +22,7 @@ static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
     float size;
     size = (d->omega_mean_rad_s < 0.0f) ? -d->omega_mean_rad_s : d->omega_mean_rad_s;
     if ((c->control.observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
-        || (ht_drive_load(d, c) < HT_LOWER_LOAD) || (size > TURNING_RAD_S)) {
+        || (ht_drive_load(d, c) < HT_LOWER_LOAD) || (size > HT_TURNING_RAD_S)) {
         d->flux_lowered = 0u;
     } else if (size < STANDING_RAD_S) {
         d->flux_lowered = 1u;

@@ -11,6 +11,9 @@
 /** From this load on R_r matters (`ht_drive_load`). */
 #define HT_LOWER_LOAD 0.4f
 
+/** From this speed of the flux on, electrical, it turns: what it tells hangs on R_s no more. */
+#define HT_TURNING_RAD_S 4.5f
+
 /** The torque limit, and what makes it so. */
 typedef struct {
     float most_Nm;

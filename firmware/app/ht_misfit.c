@@ -11,6 +11,7 @@
 #include <stddef.h>
 
 #define PI_F 3.14159265f
+#define LEAST_LOOKS 50.0f /* at the torque's ripple, in its time constant */
 #define ROOT_3 1.73205081f
 
 static const ht_misfit_info table[] = {
@@ -410,6 +411,10 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_STOP_TIME:
     case HT_MISFIT_QUICK_STOP_TIME:
         result = v[HT_P_stop_s] >= ht_misfit_stop_s(p, misfit);
+        break;
+    case HT_MISFIT_TORQUE_MEAN:
+        result = (v[HT_P_torque_mean_s] == 0.0f)
+                 || (v[HT_P_torque_mean_s] * v[HT_P_f_slow_Hz] >= LEAST_LOOKS);
         break;
     case HT_MISFIT_LEAST_LOSS:
         result = (v[HT_P_machine] == 0.0f) || (v[HT_P_flux_least_loss] == 0.0f)

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 from ..drive.simulated import SimulatedDrive
 from ..setups import Setup, parameters
-from ..setups.design import Design
+from ..setups.design import SPEED_HELD, Design
 from .operating_points import NotReached, Point, waits
 
-#: Allowed deviation of the speed, share of rated speed; at the lowest speeds, of the reference.
-TOLERANCE, TOLERANCE_SLOW = 0.02, 1 / 3
+#: Allowed deviation of the speed at the lowest speeds, share of the reference.
+TOLERANCE_SLOW = 1 / 3
 #: The speed is looked at this often, and must be near for this many looks.
 LOOK_S = 0.05
 LOOKS = 4
@@ -51,7 +51,7 @@ def accept(
     for share, load_share in course:
         sim.set("speed_ref_rpm", share * speed_rpm)
         sim.set("load_Nm", load_share * load_Nm)
-        within = min(TOLERANCE, TOLERANCE_SLOW * abs(share)) if share else TOLERANCE
+        within = min(SPEED_HELD, TOLERANCE_SLOW * abs(share)) if share else SPEED_HELD
         _settle(sim, share * speed_rpm, within * speed_rpm, longest_s)
     sim.stop()
     if sim.gate_mistake:

@@ -28,6 +28,8 @@ TABLE_SHARE = {"45/135": math.cos(math.pi / 4) / math.cos(math.pi / 12), "75/105
 #: Below this share of the sensors' range a current is taken for the rated one if no rated torque
 #: is known.
 RATED_SHARE = 0.4
+#: A speed is held if it is off by this share of rated speed at most.
+SPEED_HELD = 0.02
 #: Share of the pull-out torque that the firmware asks for at most.
 PULL_OUT_SHARE = number_of("app/ht_configure.h", "HT_PULL_OUT_SHARE")
 

@@ -4,6 +4,8 @@ The rules of `review` are asked with the values of the set-up. Where one is an e
 one lies anywhere in its range. So the same rules are asked again with either end of the range, for
 each estimate alone. The controller keeps its parameters then, which follow from the estimate: it
 stands in front of another machine than the one that it was designed for.
+
+A rule may also leave something open by itself: what trips only if all of it comes together.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from typing import cast
 
 from .design import Design
 from .estimate import spread
-from .finding import Finding
+from .finding import NOT_READY, Finding
 from .keys import ESTIMATED, LXY_LEAST, LXY_SHARE
 from .setup import Setup
 from .values import Value
@@ -48,12 +50,13 @@ class Estimate:
         key = self.keys[0]
         return f"machine.{key} = {factor * d.setup[f'machine.{key}']:.3g}"
 
-    def runs(self, d: Design, end: float, bad: Callable[[Design], bool]) -> str:
+    def runs(self, d: Design, end: float, wrong_at: Callable[[Design], bool]) -> str:
         """From where on a scheme runs, of which this end and the estimate say different things."""
-        good, wrong = (end, 1.0) if bad(d) else (1.0, end)
+        good, wrong = (end, 1.0) if wrong_at(d) else (1.0, end)
         while max(good / wrong, wrong / good) > THRESHOLD:
             middle = math.sqrt(good * wrong)
-            good, wrong = (good, middle) if bad(self.design(d, middle)) else (middle, wrong)
+            middle_wrong = wrong_at(self.design(d, middle))
+            good, wrong = (good, middle) if middle_wrong else (middle, wrong)
         side = "and more" if good > wrong else "and less"
         return f"runs with {self.says(d, good)} {side}: {MEASURED_BY}"
 
@@ -86,31 +89,35 @@ def _follows(d: Design) -> bool:
 
 
 def judged(d: Design, rows: Rows) -> list[Finding]:
-    """The findings. One that is bad with the estimate, or at an end of its range, but not with
+    """The findings. One that is wrong with the estimate, or at an end of its range, but not with
     both, is doubtful; that of the end then stands beside the other one. The first estimate that
-    decides a finding is named."""
+    decides a finding is named. One that is bad, and at an end only doubtful, is doubtful too."""
     told = rows(d)
     found, doubts, decided = list(told), [], set()
     for of in estimates(d):
         for end in (of.low, of.high):
             for n, f in enumerate(rows(of.design(d, end))):
-                if n in decided or _bad(f) == _bad(told[n]):
+                if n in decided:
+                    continue
+                if _wrong(f) == _wrong(told[n]):
+                    if f.verdict == "doubtful":
+                        found[n] = replace(found[n], verdict="doubtful")
                     continue
                 decided.add(n)
-                runs = of.runs(d, end, partial(_bad_at, n, rows))
-                if _bad(f):
+                runs = of.runs(d, end, partial(_wrong_at, n, rows))
+                if _wrong(f):
                     doubts.append(_doubt(f, runs, of.says(d, end)))
                 else:
                     found[n] = _doubt(told[n], runs)
     return [*found, *doubts]
 
 
-def _bad(f: Finding) -> bool:
-    return f.verdict == "bad"
+def _wrong(f: Finding) -> bool:
+    return f.verdict in NOT_READY
 
 
-def _bad_at(n: int, rows: Rows, d: Design) -> bool:
-    return _bad(rows(d)[n])
+def _wrong_at(n: int, rows: Rows, d: Design) -> bool:
+    return _wrong(rows(d)[n])
 
 
 def _doubt(f: Finding, runs: str, where: str = "") -> Finding:

@@ -4,7 +4,7 @@ Every finding compares a value with a limit and says what to change. The values 
 set-up by formulas, without simulation; the mean torque under a switching table from the firmware's
 law (`mean_torque`). A limit beyond which the drive cannot do its work, or may
 trip, is "bad"; one beyond which it works, but not well, is a "note". Where an estimate decides
-whether something of a scheme is bad, it is "doubtful".
+whether something of a scheme is bad, or the worst moment alone would trip, it is "doubtful".
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .derived import (
     standing_leg_W,
     write_delay_us,
 )
-from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Demand, Design, rad_s
+from .design import PULL_OUT_SHARE, REACH_PU, SPEED_HELD, USABLE, Demand, Design, rad_s
 from .doubts import judged
 from .estimate import MAIN_OVER_LEAKAGE, PRODUCT, published_kW, usual
 from .finding import NOT_READY, Finding
@@ -58,6 +58,8 @@ XY_FLUX_OF_LARGE = 0.075
 XY_PEAK = 3.5
 #: Transitions of all legs in a period, at most and in the mean, divided by the twelve of f_sw.
 SWITCHING = {"single": 1 / 6, "pair": 1 / 5, "virtual L": 1 / 3, "virtual ML": 2 / 3}
+#: Time constant that is proposed to bring the mean torque to its reference.
+MEAN_S = 2.0
 #: A mean torque that is further from its reference, in % of it, is a note.
 HELD_PCT = 5.0
 #: Share of the voltage, rms, that the shortest pulse may change.
@@ -1019,6 +1021,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         PEAK, _peak_A(d, row), p("i_trip_A"), "A",
         "may trip: take a scheme that controls the x-y currents; else "
         f"{_more_current(d, lambda d: _peak_A(d, row))}, {faster}",
+        "bad" if _peak_A(d, row, brakes=False) > p("i_trip_A") else "doubtful",
     )  # fmt: skip
     if row.regulated:
         yield at_most(
@@ -1118,6 +1121,10 @@ def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
         yield from _of_pulses(d, controller, changed, where)
     yield _told(MEAN_NM + where, error_Nm, "N m")
     advice = "lower controller.torque_band_Nm, or raise controller.f_isr_Hz"
+    if d.parameter("control_mode") == "torque":
+        if d.parameter("torque_mean_s") > 0:
+            return  # the drive brings it to the reference
+        advice += f", or set controller.torque_mean_s = {MEAN_S:g}"
     if error_pct <= 0:
         yield at_least(MEAN_PCT + where, error_pct, -HELD_PCT, "%", advice, "note")
     elif error_pct > 0:
@@ -1152,10 +1159,27 @@ def _vector_pu(d: Design, row: Any) -> float:
     return row.reach_pu / COS_15 if virtual else lib.ht_longest_pu(d.winding)
 
 
-def _peak_A(d: Design, row: Any) -> float:
-    """Current under a table at the torque limit."""
-    ripple_A = d.flux_step_Wb(d.period_s, _vector_pu(d, row)) / d.machine.least_H
+def _peak_A(d: Design, row: Any, brakes: bool = True) -> float:
+    """Current under a table at the torque limit. A vector that brakes adds to the voltage that the
+    turning flux induces, so it moves the current furthest at the fastest speed."""
+    volts = _vector_pu(d, row) * d.vdc_V + brakes * _induced_V(d)
+    ripple_A = volts * d.period_s / d.machine.least_H
+    if not d.magnets:
+        ripple_A *= 1 + _unseen(d.machine.sigma_ls_H, d.parameter("sigma_ls_H"))
     return _xy_A(d, row) + d.current_A(d.parameter("torque_limit_Nm")) + ripple_A
+
+
+def _unseen(true_H: float, believed_H: float) -> float:
+    """The law decides while a step is under way, which it sees as large as the inductance that it
+    believes makes it: the share that it does not see comes on top of the next one. One that it sees
+    too large only makes it turn back sooner."""
+    return max(0.0, 1 - true_H / believed_H)
+
+
+def _induced_V(d: Design) -> float:
+    """At the fastest speed, where the flux is weakened to what the voltage turns."""
+    omega = d.machine.pole_pairs * rad_s(max(d.asked_rpm, d.rated_rpm))
+    return min(omega * d.steady_Wb, USABLE * REACH_PU * d.vdc_V)
 
 
 def _xy_A(d: Design, row: Any) -> float:
@@ -1164,7 +1188,15 @@ def _xy_A(d: Design, row: Any) -> float:
 
     step_A = lib.ht_scheme_xy_step_pu(row, d.winding) * d.vdc_V * d.period_s / d.machine.lxy_H
     single = row.vectors == lib.HT_VECTORS_SINGLE
-    return _single_xy_A(d, step_A) if single and step_A else step_A + _swing_A(d, row)
+    if single and step_A:
+        return _single_xy_A(d, step_A)
+    if row.vectors in (lib.HT_VECTORS_PAIR, lib.HT_VECTORS_PAIR_SMALL):
+        step_A *= 1 + _unseen(d.machine.lxy_H, d.parameter("lxy_H"))
+    if row.vectors == lib.HT_VECTORS_VIRTUAL:
+        # Gone at the next sample. In between only comparators look, whose levels are higher.
+        above_A = d.parameter("comparator_above_pu") * d.parameter("i_full_A")
+        step_A = max(0.0, step_A - above_A)
+    return step_A + _swing_A(d, row)
 
 
 def _xy_gain(d: Design) -> float:
@@ -1232,15 +1264,22 @@ def _reach(d: Design, row: Any, by_table: bool) -> Iterator[Finding]:
         return min(p("torque_limit_Nm"), d.most_torque_Nm(asked.speed_rpm, usable_V))
 
     # A source that is lost is asked for nothing.
-    held = [asked for asked in d.demands if asked.vdc_V > p("vdc_min_V")] or d.demands
-    worst = max(held, key=lambda asked: asked.load_Nm - most_Nm(asked))
+    met = [asked for asked in d.demands if asked.vdc_V > p("vdc_min_V")] or d.demands
+    worst = max(met, key=lambda asked: asked.load_Nm - most_Nm(asked))
     load_Nm = worst.load_Nm
     if by_table and d.magnets:
         load_Nm += p("torque_band_Nm")  # the mean may be so far below the limit
     where = "rated speed" if worst.speed_rpm == d.rated_rpm else f"{worst.speed_rpm:.0f} r/min"
     if worst.vdc_V != d.vdc_V:
         where += f" and {worst.vdc_V:g} V"
-    yield at_least(f"torque left at {where}", most_Nm(worst), load_Nm, "N m", more)
+    # A speed that gives way a little leaves the flux, and with it the torque, that the load needs.
+    slower = worst._replace(speed_rpm=worst.speed_rpm - SPEED_HELD * d.rated_rpm)
+    held = most_Nm(slower) >= load_Nm
+    advice = f"the speed gives way by up to {100 * SPEED_HELD:g} %; to avoid it {more}"
+    yield at_least(
+        f"torque left at {where}", most_Nm(worst), load_Nm, "N m",
+        advice if held else more, "note" if held else "bad",
+    )  # fmt: skip
 
 
 def _refused(setup: Setup, findings: list[Finding]) -> Iterator[Finding]:

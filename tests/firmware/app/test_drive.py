@@ -2318,3 +2318,66 @@ def test_a_trip_from_outside_and_by_current_at_once_is_one_trip_by_hardware(benc
         assert bench.drive.trips - before == trips
         bench.fast()
         bench.controller.clear()
+
+
+# --- the mean torque ---------------------------------------------------------------
+# The reference is moved by the mean of what the torque lacks of it, in torque mode.
+
+#: Time constant of the mean torque, s.
+MEAN_S = 2.0
+
+
+def lack(bench, lacks_Nm, times=1, omega_rad_s=100.0):
+    drive = bench.drive
+    for _ in range(times):
+        drive.omega_mean_rad_s = drive.control.observer.omega_sync_rad_s = omega_rad_s
+        drive.control.estimate.torque_Nm = measured(bench).torque_ref_Nm - lacks_Nm
+        bench.slow()
+        measured(bench).torque_ref_Nm = drive.torque_ref_Nm
+    return drive.torque_more_Nm
+
+
+@pytest.fixture
+def holding(bench):
+    for name, value in {"control_mode": "torque", "torque_ref_Nm": 4.0, "adapt_s": 0.0}.items():
+        bench.controller.set(name, value)
+    bench.controller.set("torque_mean_s", MEAN_S)
+    bench.run_to("run").fast()
+    return bench
+
+
+@pytest.mark.parametrize("lacks_Nm", [1.0, -1.0])
+def test_it_is_learnt_with_its_time_constant_and_added(holding, lacks_Nm):
+    assert holding.drive.torque_more_Nm == 0
+    times = round(MEAN_S * SETUP["f_slow_Hz"])
+    more_Nm = lack(holding, lacks_Nm, times)
+    assert more_Nm == pytest.approx((1 - np.exp(-1)) * lacks_Nm, rel=0.01)
+    assert holding.drive.torque_ref_Nm == pytest.approx(4.0 + more_Nm)
+
+
+def test_it_is_a_fifth_of_the_limit_at_most(holding):
+    assert lack(holding, 14.0, 400) == pytest.approx(0.2 * SETUP["torque_limit_Nm"])
+    assert lack(holding, -14.0, 800) == pytest.approx(-0.2 * SETUP["torque_limit_Nm"])
+
+
+def test_it_fades_where_the_flux_hardly_turns(holding):
+    more_Nm = lack(holding, 1.0, 200)
+    times = round(MEAN_S * SETUP["f_slow_Hz"])
+    assert lack(holding, 1.0, times, 4.0) == pytest.approx(np.exp(-1) * more_Nm, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda bench: bench.controller.set("control_mode", "speed"),
+        lambda bench: bench.controller.set("torque_mean_s", 0.0),
+        lambda bench: setattr(bench.drive, "off_legs", 32),
+        lambda bench: setattr(bench.drive, "state", 0),
+    ],
+    ids=["speed mode", "off", "without a leg", "idle"],
+)
+def test_it_is_gone_where_it_does_not_belong(holding, change):
+    assert lack(holding, 1.0, 200) > 0.5
+    change(holding)
+    holding.fast()
+    assert lack(holding, 1.0) == 0

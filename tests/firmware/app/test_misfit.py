@@ -208,6 +208,7 @@ CASES = {
         },
         "ride_through = least-loss, trip_state = short-circuit: a short circuit brakes with all",
     ),
+    "TORQUE_MEAN": ({"torque_mean_s": 0.49}, "torque_mean_s = 0.49 s, f_slow_Hz = 100 Hz: with it"),
 }
 
 

@@ -106,7 +106,8 @@ def test_a_doubt_is_the_rule_before_the_other_machine(plate, findings):
 
         assert says(float(end)).value == pytest.approx(f.value, rel=0.02)
         out = 0.97 if side == "more" else 1.03
-        assert [says(float(least) * s).verdict for s in (out, 1 / out)] == ["bad", "ok"]
+        beyond, within = (says(float(least) * s).verdict for s in (out, 1 / out))
+        assert beyond in ("bad", "doubtful") and within in ("ok", "note")
         seen += 1
     assert seen >= 4
 

@@ -35,7 +35,6 @@ from ... import firmware, setups
 from ...experiments import acceptance
 from ...experiments.operating_points import NOT_MEASURED, Progress
 from ...setups import Setup, SetupError, estimate, new, published
-from ...setups.design import REACH_PU, USABLE, Design
 from ...setups.keys import LXY_LEAST, TIMING_OWNS
 from ...setups.nameplate import FRICTION, IRON, Circuit, Nameplate, pull_out_ratio
 from ...setups.review import best, review, verdict_of
@@ -78,9 +77,6 @@ DEAD_TIME_US = (1.5, 2.5)
 VDC_GAIN = 0.01
 #: How far a circuit that is told is off, either side.
 TOLD_OFF = (0.1, 0.3)
-#: Load at 150 % of the speed, in rated torques; but at most this share of what the true machine
-#: carries there.
-FAST_LOAD, FAST_SHARE = 0.5, 0.7
 
 
 @dataclass(frozen=True)
@@ -236,7 +232,7 @@ def told(true: Induction, way: str) -> Told:
             ),
             "machine",
         )
-    return asked(Told(setup, speed_rpm, torque_Nm))
+    return asked(true, Told(setup, speed_rpm, torque_Nm))
 
 
 def _list(given: dict[str, Any]) -> str:
@@ -271,10 +267,7 @@ def _tried(true: Truth, of: Told, scheme: str, number: int) -> str:
     """Why it failed; nothing if it did not."""
     try:
         setup = drive(true, of.setup.with_scheme(scheme), number)
-        design = Design(setup, setup.parameter)
-        voltage_V = USABLE * REACH_PU * design.vdc_V
-        most_Nm = design.most_torque_Nm(of.fast * of.speed_rpm, voltage_V)
-        course = acceptance.whole(min(FAST_LOAD, FAST_SHARE * most_Nm / of.torque_Nm), of.fast)
+        course = acceptance.whole(of.fast_Nm / of.torque_Nm, of.fast)
         acceptance.accept(setup, course, (of.speed_rpm, of.torque_Nm))
     except NOT_MEASURED as error:
         return str(error)

@@ -130,4 +130,4 @@ def told(true: WithMagnets) -> Told:
     speed_rpm, vdc_V = given["speed_rpm"], setup["inverter.vdc_V"]
     ceiling_rpm = Parameters(**setup.machine_values()).ceiling_rpm(vdc_V)
     fast = min(1.5, OF_CEILING * ceiling_rpm / speed_rpm)
-    return asked(Told(setup, speed_rpm, given["torque_Nm"], fast))
+    return asked(true, Told(setup, speed_rpm, given["torque_Nm"], fast))

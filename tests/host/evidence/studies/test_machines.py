@@ -102,6 +102,31 @@ def test_what_is_asked_is_within_what_the_true_machine_carries():
         assert linear.current_A(circuit.torque_Nm, circuit.flux_Wb) < 0.8 * trip_A, true.name
 
 
+@pytest.mark.parametrize("way", machines.WAYS)
+def test_the_set_up_states_all_that_is_driven(way, monkeypatch):
+    """`check` can only judge what it is told: each speed of the course, with its load."""
+    driven = []
+
+    def accept(_, course, rated):
+        speed_rpm, torque_Nm = rated
+        driven.extend((abs(s) * speed_rpm, abs(t) * torque_Nm) for s, t in course)
+
+    monkeypatch.setattr(machines.acceptance, "accept", accept)
+    if way == magnets.WAY:
+        of = magnets.told(true := magnets.truth(3))
+    else:
+        of = machines.told(true := machines.truth(145), way)
+    assert machines._tried(true, of, "db-dtfc", 145) == ""
+    design = Design(of.setup, of.setup.parameter)
+    for speed_rpm, load_Nm in driven:
+        assert any(
+            speed_rpm <= 1.0001 * asked.speed_rpm and load_Nm <= 1.0001 * asked.load_Nm
+            for asked in design.asked
+        )
+    top_rpm = max(driven)[0]
+    assert max(load_Nm for speed_rpm, load_Nm in driven if speed_rpm == top_rpm) > 0
+
+
 @pytest.mark.parametrize(("number", "threshold"), [(85, False), (3, True)])
 def test_a_low_dc_link_has_devices_without_threshold(number, threshold):
     true = machines.truth(number)
