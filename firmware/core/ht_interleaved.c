@@ -16,8 +16,6 @@
 #define ROOM_SHARE 0.45f
 /* Half of the way between the rails and a little more: rounding leaves a clamped leg no pulse. */
 #define BEYOND_RAIL 0.500001f
-/* Pulses of a set are centred from this sum of its positions on. */
-#define CENTRED 1.0e-3f
 /* Of the slope, what one leg in three goes. `pull` gives the slope over this factor. */
 #define SLOPE 6.0f
 #define PULL 0.75f
@@ -40,7 +38,7 @@ static const uint16_t leg_of[2][3] = {{0u, 2u, 4u}, {5u, 1u, 3u}};
 static const uint16_t legs_of[2] = {0x2au, 0x15u}; /* as state words */
 
 void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
-                              float in_phase, const ht_modulator_config *zero)
+                              float in_phase, float kappa, float kappa_from_pu)
 {
     float rho2 = rho * rho;
     float cap = CAP_HZ * HT_CARRIER_PERIODS / f_isr_Hz;
@@ -51,11 +49,8 @@ void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rh
     cfg->together_pu2 = (in_phase < TOGETHER_FROM) ? (HT_NEVER_PU * HT_NEVER_PU) : TOGETHER_PU2;
     cfg->early[0] = EARLY;
     cfg->early[1] = EARLY - 2.0f * EARLY * in_phase;
-    cfg->zero = *zero;
-    if (!zero->alternate) {
-        ht_modulator_centre(&cfg->zero, true);
-    }
-    ht_modulator_wind(&cfg->zero, HT_WINDING_30);
+    cfg->kappa = kappa;
+    cfg->kappa_from_pu = kappa_from_pu;
 }
 
 bool ht_interleaved_check(const ht_interleaved_config *cfg)
@@ -63,8 +58,8 @@ bool ht_interleaved_check(const ht_interleaved_config *cfg)
     return (cfg->weight >= 0.0f) && (cfg->weight < 1.0e3f) && (cfg->scale > 0.0f)
            && (cfg->scale <= PULL * SLOPE) && (fabsf(cfg->alike) <= 1.0f) && (cfg->cap > 0.0f)
            && (cfg->cap <= CAP_MOST) && (fabsf(cfg->early[0]) <= EARLY)
-           && (fabsf(cfg->early[1]) <= EARLY) && (cfg->together_pu2 > 0.0f) /* NaN is not */
-           && ht_modulator_check(&cfg->zero);
+           && (fabsf(cfg->early[1]) <= EARLY) && (cfg->together_pu2 > 0.0f) && (cfg->kappa >= 0.0f)
+           && (cfg->kappa <= 1.0f) && (cfg->kappa_from_pu >= 0.0f); /* NaN is not */
 }
 
 void ht_interleaved_reset(ht_interleaved_state *st)
@@ -426,7 +421,7 @@ unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_
     }
     st->together = (v.alpha * v.alpha + v.beta * v.beta)
                    > (cfg->together_pu2 * (was ? TOGETHER_HOLD2 : 1.0f));
-    st->opposite = st->together && ht_modulator_sets(&cfg->zero, v).opposite;
+    st->opposite = st->together && ht_modulator_alternating(0.0f, 0.0f, v).opposite;
     return (was && st->together) ? 3u : 1u;
 }
 
@@ -478,21 +473,6 @@ ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state
     return off;
 }
 
-/* Both sets begin, and legs may be clamped: in the sectors of this very voltage, because the clamped legs and the
- * turn fit each other. While pulses are not centred yet, a duty ratio that steps would leave the flux off. */
-static void clamp(const ht_interleaved_config *cfg, ht_interleaved_state *st, ht_ab v, making *m)
-{
-    ht_sets sets = ht_modulator_sets(&cfg->zero, v);
-    unsigned a;
-    st->opposite = sets.opposite;
-    for (a = 0u; a < 2u; a++) {
-        const float *delta = st->set[a].delta;
-        if ((fabsf(delta[0]) + fabsf(delta[1]) + fabsf(delta[2])) < CENTRED) {
-            m->kappa[a] = sets.kappa[a];
-        }
-    }
-}
-
 HT_APART void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleaved_state *st,
                                   const ht_interleaved_command command[2], bool begins,
                                   const ht_modulator_input *in, ht_ab off_pu[2], ht_compare *out,
@@ -501,8 +481,13 @@ HT_APART void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleav
     making m;
     nothing_yet(&m, in);
     if (begins) {
-        if (cfg->zero.alternate) {
-            clamp(cfg, st, command[0].steady_pu, &m);
+        if (cfg->kappa > 0.0f) {
+            /* By this very voltage, because the clamped legs and the turn fit each other. */
+            ht_sets sets =
+                ht_modulator_alternating(cfg->kappa, cfg->kappa_from_pu, command[0].steady_pu);
+            st->opposite = sets.opposite;
+            m.kappa[0] = sets.kappa[0];
+            m.kappa[1] = sets.kappa[1];
         }
         off_pu[0] = begin_set1(cfg, st, &command[0], in, &m, out, toggles);
         off_pu[1] = begin_set2(cfg, st, &command[1], in, &m, out, toggles);

@@ -37,8 +37,8 @@ typedef struct {
     float cap;          /**< most that a position moves in a half, share of a carrier's period */
     float together_pu2; /**< above this voltage, squared, both sets begin together; units of Vdc */
     float early[2]; /**< where pulses of each set lie at low voltage, share of a carrier's period */
-    ht_modulator_config
-        zero; /**< how legs are clamped where both sets begin together, and the turn */
+    float kappa;    /**< share of the clamped zero sequence where both sets begin together */
+    float kappa_from_pu; /**< and the voltage from which it counts; units of Vdc */
 } ht_interleaved_config;
 
 /** One set: legs in the order of the commands p, q - p/2, -q - p/2. */
@@ -66,10 +66,10 @@ typedef struct {
 } ht_interleaved_command;
 
 /** The cost of a position: `weight` of the torque's ripple, `rho` = sigma L_s / L_xy, the sampling
- *  frequency, and the share 0 .. 1 by which sets run in phase at low voltage. `zero`: its clamped legs count
- *  if they alternate. */
+ *  frequency, and the share 0 .. 1 by which sets run in phase at low voltage. `kappa`, `kappa_from_pu`: as
+ *  ht_modulator_config has them, of legs that alternate. */
 void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
-                              float in_phase, const ht_modulator_config *zero);
+                              float in_phase, float kappa, float kappa_from_pu);
 
 /** True if every value of `cfg` is in its range. */
 bool ht_interleaved_check(const ht_interleaved_config *cfg);
