@@ -1,4 +1,4 @@
-"""A leg of the inverter, followed edge by edge in double precision; and which legs stay on a rail."""
+"""A leg of the inverter, followed edge by edge in double precision; which legs stay on a rail."""
 
 import itertools
 

@@ -153,8 +153,9 @@ def settled(law, motor, torque, flux, periods=400):
 @pytest.mark.parametrize("turn", [0.0, 0.012, -0.03, 0.039])
 @pytest.mark.parametrize(("in_phase", "alternate"), [(0.0, False), (1.0, False), (1.0, True)])
 def test_each_set_has_the_torque_and_the_flux_at_its_begins(in_phase, alternate, turn, degrees):
-    """From every direction, at low and high voltage, with pulses placed or legs clamped. The compare
-    values are rounded, and edges keep the shortest pulse from the samples: the set makes up for it."""
+    """From every direction, at low and high voltage, with pulses placed or legs clamped. The
+    compare values are rounded, and edges keep the shortest pulse from the samples: the set makes up
+    for it."""
     rotor = 0.36 * np.exp(1j * np.deg2rad(degrees))
     law = Law(2.0 * (1 - in_phase), in_phase=in_phase, alternate=alternate)
     found = settled(law, Machine(rotor, turn), 1.5, 0.4)
@@ -320,16 +321,17 @@ def pattern_of(law, motor):
 
 @pytest.mark.parametrize(("size", "dead"), [(0.4, 0.0), (0.5, 0.0), (0.5, 0.0055)])
 def test_clamped_legs_are_those_with_the_least_xy_ripple(size, dead):
-    """Of each set one leg stays on its rail for the whole half: of the four choices the one with the
-    least x-y ripple, under carriers whose sense is that of the half. No pulse is too short where the
-    clamped leg changes. The dead time's share of an edge, in either direction, gives a clamped leg none."""
+    """Of each set one leg stays on its rail for the whole half: of the four choices the one with
+    the least x-y ripple, under carriers whose sense is that of the half. No pulse is too short where
+    the clamped leg changes. The dead time's share of an edge, in either direction, gives a clamped
+    leg none."""
     law, motor = Law(0.0, in_phase=1.0, alternate=True, dead=dead), turning(size)
     rng = np.random.default_rng(37)
     last, seen = [None] * 6, []
     for n in range(1600):
         direction = motor.rotor * np.exp(1j * (np.pi / 2 + motor.turn))  # in the middle of the half
         law.six.p[0:6] = rng.choice([-1.0, 1.0], 6)
-        (out, applied, toggles), both = pattern_of(law, motor)
+        (out, applied, _), both = pattern_of(law, motor)
         edges = [(0, applied.before ^ applied.s[0], leg) for leg in range(6)]
         edges += [(out.ca[leg], applied.s[0] ^ applied.s[1], leg) for leg in range(6)]
         for at, changed, leg in edges:

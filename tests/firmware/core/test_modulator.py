@@ -7,7 +7,7 @@ import pytest
 from campaigns import examples
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from legs import SETS, THETA, T, follow_leg, least_xy_rails
+from legs import SETS, T, follow_leg, least_xy_rails
 from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib

@@ -64,18 +64,22 @@ def test_clamped_legs_have_the_least_distortion_at_medium_voltage(place):
 
 @pytest.mark.parametrize("kappa_from_pu", (0.0, 0.38))
 def test_no_jump_where_clamping_begins(kappa_from_pu):
-    """The voltage goes through the threshold and back under load. Torque and x-y current stay within
-    their ripple on either side; a leg's clamping all at once moves no set's mean."""
-    base = setups.load("paper-a-feasible").with_scheme(
-        "db-ipwm",
-        controller__f_isr_Hz=24e3,
-        controller__control_mode="torque",
-        timing__latency="predicted",
-        machine__inertia_kgm2=1e3,
-        machine__viscous_Nms=0.0,
-        load__kind="constant",
-        **{f"controller__{name}": value for name, value in CLAMPED.items()},
-    ).changed(controller__kappa_from_pu=kappa_from_pu)
+    """The voltage goes through the threshold and back under load. Torque and x-y current stay
+    within their ripple on either side; a leg's clamping all at once moves no set's mean."""
+    base = (
+        setups.load("paper-a-feasible")
+        .with_scheme(
+            "db-ipwm",
+            controller__f_isr_Hz=24e3,
+            controller__control_mode="torque",
+            timing__latency="predicted",
+            machine__inertia_kgm2=1e3,
+            machine__viscous_Nms=0.0,
+            load__kind="constant",
+            **{f"controller__{name}": value for name, value in CLAMPED.items()},
+        )
+        .changed(controller__kappa_from_pu=kappa_from_pu)
+    )
     sim = started(base, 8)
     sim.set("torque_ref_Nm", 10.0)
     parts = []
