@@ -322,9 +322,9 @@ def pattern_of(law, motor):
 @pytest.mark.parametrize(("size", "dead"), [(0.4, 0.0), (0.5, 0.0), (0.5, 0.0055)])
 def test_clamped_legs_are_those_with_the_least_xy_ripple(size, dead):
     """Of each set one leg stays on its rail for the whole half: of the four choices the one with
-    the least x-y ripple, under carriers whose sense is that of the half. No pulse is too short where
-    the clamped leg changes. The dead time's share of an edge, in either direction, gives a clamped
-    leg none."""
+    the least x-y ripple, under carriers whose sense is that of the half. No pulse is too short
+    where the clamped leg changes. The dead time's share of an edge, in either direction, gives a
+    clamped leg none."""
     law, motor = Law(0.0, in_phase=1.0, alternate=True, dead=dead), turning(size)
     rng = np.random.default_rng(37)
     last, seen = [None] * 6, []
