@@ -14,6 +14,8 @@
 #define FULL_PU2 0.1225f
 /* Share of its room that a pulse may move by, on either side of the middle. */
 #define ROOM_SHARE 0.45f
+/* Half of the way between the rails and a little more: rounding leaves a clamped leg no pulse. */
+#define BEYOND_RAIL 0.500001f
 /* Of the slope, what one leg in three goes. `pull` gives the slope over this factor. */
 #define SLOPE 6.0f
 #define PULL 0.75f
@@ -36,7 +38,7 @@ static const uint16_t leg_of[2][3] = {{0u, 2u, 4u}, {5u, 1u, 3u}};
 static const uint16_t legs_of[2] = {0x2au, 0x15u}; /* as state words */
 
 void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
-                              float in_phase)
+                              float in_phase, float kappa, float kappa_from_pu)
 {
     float rho2 = rho * rho;
     float cap = CAP_HZ * HT_CARRIER_PERIODS / f_isr_Hz;
@@ -47,6 +49,8 @@ void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rh
     cfg->together_pu2 = (in_phase < TOGETHER_FROM) ? (HT_NEVER_PU * HT_NEVER_PU) : TOGETHER_PU2;
     cfg->early[0] = EARLY;
     cfg->early[1] = EARLY - 2.0f * EARLY * in_phase;
+    cfg->kappa = kappa;
+    cfg->kappa_from_pu = kappa_from_pu;
 }
 
 bool ht_interleaved_check(const ht_interleaved_config *cfg)
@@ -54,7 +58,8 @@ bool ht_interleaved_check(const ht_interleaved_config *cfg)
     return (cfg->weight >= 0.0f) && (cfg->weight < 1.0e3f) && (cfg->scale > 0.0f)
            && (cfg->scale <= PULL * SLOPE) && (fabsf(cfg->alike) <= 1.0f) && (cfg->cap > 0.0f)
            && (cfg->cap <= CAP_MOST) && (fabsf(cfg->early[0]) <= EARLY)
-           && (fabsf(cfg->early[1]) <= EARLY) && (cfg->together_pu2 > 0.0f); /* NaN is not */
+           && (fabsf(cfg->early[1]) <= EARLY) && (cfg->together_pu2 > 0.0f) && (cfg->kappa >= 0.0f)
+           && (cfg->kappa <= 1.0f) && (cfg->kappa_from_pu >= 0.0f); /* NaN is not */
 }
 
 void ht_interleaved_reset(ht_interleaved_state *st)
@@ -85,8 +90,8 @@ static HT_INTO_CALLERS float within(float value, float centre, float half)
 }
 
 /* Where the legs of a set toggle, share of the half: its commands, with the middle of largest and smallest
- * at half. NaN: 0. */
-static HT_INTO_CALLERS void shares_of(unsigned a, float sense, ht_ab v, float share[3])
+ * at half, or, by the share `kappa`, such that one of them is on a rail: below 0 on the lower one. NaN: 0. */
+static HT_INTO_CALLERS void shares_of(unsigned a, float sense, ht_ab v, float kappa, float share[3])
 {
     float p = sense * ((a == 0u) ? v.alpha : -v.beta);
     float q = sense * (COS_30 * ((a == 0u) ? v.beta : v.alpha));
@@ -95,11 +100,18 @@ static HT_INTO_CALLERS void shares_of(unsigned a, float sense, ht_ab v, float sh
     float less = fabsf(first - half);
     float more = fabsf(first + half);
     float zero = 0.5f - 0.25f * (p + (less - more));
-    float middle = zero - 0.5f * p;
+    float range = 0.5f * (less + more) + half; /* largest less smallest command */
+    bool within_rails = range <= 1.0f;         /* NaN is not */
+    float middle;
+    if (within_rails && (kappa != 0.0f)) {
+        zero += sense * kappa * (BEYOND_RAIL - 0.5f * range);
+        within_rails = false;
+    }
+    middle = zero - 0.5f * p;
     share[0] = zero + p;
     share[1] = middle + q;
     share[2] = middle - q;
-    if (!(0.5f * (less + more) + half <= 1.0f)) { /* largest less smallest command; NaN is not */
+    if (!within_rails) {
         unsigned k;
         for (k = 0u; k < 3u; k++) {
             share[k] = ht_between(share[k], 0.0f, 1.0f);
@@ -182,6 +194,7 @@ typedef struct {
     ht_six share; /* of the period that a leg is high */
     float per_count;
     uint16_t end;
+    float kappa[2]; /* share of each set's clamped zero sequence */
 } making;
 
 /* The common part of a set's legs in a half, in which dead time counts as a share of it. */
@@ -327,7 +340,7 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     h.now = 0u;
     h.later = 0u;
     h.after = 0u;
-    shares_of(a, sense, command->v_pu, share);
+    shares_of(a, sense, command->v_pu, m->kappa[a], share);
     for (k = 0u; k < 3u; k++) {
         float half = 0.5f * share[k];
         set->half_d[k] = rising ? (0.5f - half) : half;
@@ -399,14 +412,6 @@ static HT_INTO_CALLERS void go_on(ht_interleaved_state *st, unsigned b, unsigned
     set->moves = 0u;
 }
 
-/* Both sets begin together: in which sense. */
-static bool runs_opposite(ht_ab v)
-{
-    float alpha2 = v.alpha * v.alpha;
-    float beta2 = v.beta * v.beta;
-    return v.alpha * (alpha2 - 3.0f * beta2) * v.beta * (3.0f * alpha2 - beta2) > 0.0f;
-}
-
 unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_state *st)
 {
     bool was = st->together;
@@ -416,7 +421,7 @@ unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_
     }
     st->together = (v.alpha * v.alpha + v.beta * v.beta)
                    > (cfg->together_pu2 * (was ? TOGETHER_HOLD2 : 1.0f));
-    st->opposite = st->together && runs_opposite(v);
+    st->opposite = st->together && ht_modulator_alternating(0.0f, 0.0f, v).opposite;
     return (was && st->together) ? 3u : 1u;
 }
 
@@ -427,6 +432,8 @@ static HT_INTO_CALLERS void nothing_yet(making *m, const ht_modulator_input *in)
     m->rises = 0u;
     m->end = in->period->counts;
     m->per_count = 1.0f / (float)m->end;
+    m->kappa[0] = 0.0f;
+    m->kappa[1] = 0.0f;
 }
 
 static HT_INTO_CALLERS void finish(ht_interleaved_state *st, const making *m,
@@ -474,6 +481,14 @@ HT_APART void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleav
     making m;
     nothing_yet(&m, in);
     if (begins) {
+        if (cfg->kappa > 0.0f) {
+            /* By this very voltage, because the clamped legs and the turn fit each other. */
+            ht_sets sets =
+                ht_modulator_alternating(cfg->kappa, cfg->kappa_from_pu, command[0].steady_pu);
+            st->opposite = sets.opposite;
+            m.kappa[0] = sets.kappa[0];
+            m.kappa[1] = sets.kappa[1];
+        }
         off_pu[0] = begin_set1(cfg, st, &command[0], in, &m, out, toggles);
         off_pu[1] = begin_set2(cfg, st, &command[1], in, &m, out, toggles);
     } else {

@@ -15,7 +15,8 @@
  *
  *  and each half moves one pulse of its set down the slope of J. Nothing is integrated or tabled.
  *  For the least distortion above 0.3 Vdc both sets begin together, in phase or, in every second 30 degrees of
- *  the voltage, opposite to each other, as ht_modulator.h has it.
+ *  the voltage, opposite to each other, as ht_modulator.h has it. There legs may be clamped by turns, as
+ *  ht_modulator.h has it too.
  *
  *  Below a fifth of V_dc a position changes little, because all legs are at half; there the pulses of
  *  a set are moved together, away from the instants at which the converter samples.
@@ -36,6 +37,8 @@ typedef struct {
     float cap;          /**< most that a position moves in a half, share of a carrier's period */
     float together_pu2; /**< above this voltage, squared, both sets begin together; units of Vdc */
     float early[2]; /**< where pulses of each set lie at low voltage, share of a carrier's period */
+    float kappa;    /**< share of the clamped zero sequence where both sets begin together */
+    float kappa_from_pu; /**< and the voltage from which it counts; units of Vdc */
 } ht_interleaved_config;
 
 /** One set: legs in the order of the commands p, q - p/2, -q - p/2. */
@@ -63,9 +66,10 @@ typedef struct {
 } ht_interleaved_command;
 
 /** The cost of a position: `weight` of the torque's ripple, `rho` = sigma L_s / L_xy, the sampling
- *  frequency, and the share 0 .. 1 by which sets run in phase at low voltage. */
+ *  frequency, and the share 0 .. 1 by which sets run in phase at low voltage. `kappa`, `kappa_from_pu`: as
+ *  ht_modulator_config has them, of legs that alternate. */
 void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
-                              float in_phase);
+                              float in_phase, float kappa, float kappa_from_pu);
 
 /** True if every value of `cfg` is in its range. */
 bool ht_interleaved_check(const ht_interleaved_config *cfg);

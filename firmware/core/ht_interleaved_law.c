@@ -18,7 +18,8 @@ void ht_interleaved_law_configure(ht_interleaved_law_config *cfg, const ht_law_s
     ht_modulator_centre(modulator, false);
     ht_interleaved_configure(&cfg->positions, TORQUE_WEIGHT * (1.0f - given->thd_share),
                              machine->sigma_ls_H / machine->lxy_H, machine->inv_ts,
-                             given->thd_share);
+                             given->thd_share, (given->clamp != 0.0f) ? given->kappa : 0.0f,
+                             given->kappa_from_pu);
 }
 
 bool ht_interleaved_law_check(const ht_interleaved_law_config *cfg)

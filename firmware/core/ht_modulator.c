@@ -295,6 +295,25 @@ static HT_INTO_CALLERS shares shares_of(const ht_modulator_config *cfg, float si
     return k;
 }
 
+ht_sets ht_modulator_alternating(float kappa, float kappa_from_pu, ht_ab v_pu)
+{
+    float alpha2 = v_pu.alpha * v_pu.alpha;
+    float beta2 = v_pu.beta * v_pu.beta;
+    ht_ab v3 = cubed(v_pu, alpha2, beta2);
+    ht_modulator_config cfg;
+    shares k;
+    ht_sets s;
+    cfg.kappa = kappa;
+    cfg.kappa_from_pu = kappa_from_pu;
+    cfg.alternate = true;
+    k = shares_of(&cfg, alpha2 + beta2, v3);
+    /* Within 30 degrees of one of a set's legs, its command is the largest. */
+    s.kappa[0] = (v3.alpha > 0.0f) ? k.one : -k.one;
+    s.kappa[1] = (v3.beta > 0.0f) ? k.two : -k.two;
+    s.opposite = v3.alpha * v3.beta > 0.0f;
+    return s;
+}
+
 /* The commands of a set's legs: their registers, and the same as instants. */
 typedef struct {
     const timing *t;

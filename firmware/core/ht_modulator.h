@@ -71,6 +71,16 @@ void ht_modulator_reset(ht_modulator_state *st);
  *  Where the legs of a set do not fit, x and y give way in `v_pu`. */
 ht_vsd ht_modulator_legs(ht_winding winding, ht_vsd *v_pu);
 
+/** What a voltage asks of the sets. */
+typedef struct {
+    float kappa[2]; /**< share of each set's clamped zero sequence; below 0: to the lower rail */
+    bool opposite;  /**< set 2's carrier turns */
+} ht_sets;
+
+/** What ht_modulator_step does at the voltage `v_pu`, units of Vdc, with sets 30 degrees apart, clamped legs that
+ *  alternate, and a carrier that turns at every voltage. */
+ht_sets ht_modulator_alternating(float kappa, float kappa_from_pu, ht_ab v_pu);
+
 /** One period's pattern for the voltage `v_pu`, units of Vdc. Where the legs of a set do not
  *  fit between the rails, x and y give way first, in `v_pu` too; then the legs are limited. A leg
  *  whose command lies between its rail and the shortest pulse takes the nearer of both.

@@ -33,6 +33,8 @@ void prove_interleaved_check(void)
     cfg.together_pu2 = nondet_float();
     cfg.early[0] = nondet_float();
     cfg.early[1] = nondet_float();
+    cfg.kappa = nondet_float();
+    cfg.kappa_from_pu = nondet_float();
     GIVEN(ht_interleaved_check(&cfg));
     MUST((cfg.scale > 0.0f) && is_finite(cfg.scale));
     MUST((cfg.weight >= 0.0f) && is_finite(cfg.weight));
@@ -41,4 +43,5 @@ void prove_interleaved_check(void)
     MUST(cfg.together_pu2 > 0.0f);
     MUST((cfg.early[0] >= -0.125f) && (cfg.early[0] <= 0.125f));
     MUST((cfg.early[1] >= -0.125f) && (cfg.early[1] <= 0.125f));
+    MUST((cfg.kappa >= 0.0f) && (cfg.kappa <= 1.0f) && (cfg.kappa_from_pu >= 0.0f));
 }

@@ -60,6 +60,16 @@ def test_a_step_may_limit_legs_where_two_periods_of_it_make_little_xy_current():
         assert config.deadbeat_law.reach_pu == pytest.approx(reach_pu, rel=1e-3)
 
 
+@pytest.mark.parametrize("clamp, kappa", [("largest", 0.0), ("alternating", 0.7)])
+def test_interleaved_sets_clamp_legs_that_alternate_and_no_others(clamp, kappa):
+    """The modulator takes their place where legs are missing, and always centres."""
+    values = {**DEADBEAT, "scheme": "db-ipwm", "kappa": 0.7, "kappa_from_pu": 0.38}
+    _, config = control(**values, clamp=clamp)
+    assert config.interleaved_law.positions.kappa == pytest.approx(kappa)
+    assert config.interleaved_law.positions.kappa_from_pu == pytest.approx(0.38)
+    assert config.modulator.kappa == 0.0 and not config.modulator.alternate
+
+
 @pytest.mark.parametrize("scheme, turned", [("foc", False), ("foc-24", True)])
 def test_field_orientation_has_the_carrier_of_its_scheme(scheme, turned):
     for asked in ("auto", "off", "always"):

@@ -1,8 +1,33 @@
-"""A leg of the inverter, followed edge by edge in double precision."""
+"""A leg of the inverter, followed edge by edge in double precision; which legs stay on a rail."""
 
 import itertools
 
 import numpy as np
+
+THETA = np.deg2rad([0, 30, 120, 150, 240, 270])
+T = np.array([np.cos(THETA), np.sin(THETA), np.cos(5 * THETA), np.sin(5 * THETA)]) / 3
+SETS = (slice(0, 6, 2), slice(1, 6, 2))
+TAU = (np.arange(2000) + 0.5) / 2000 - 0.5
+
+
+def xy_ripple(v, rails, opposite):
+    """Mean square of the x-y ripple volt-seconds over a carrier period. rails: of each set, the one
+    that a leg stays on; opposite: set 2's pulses lie at the ends of the period."""
+    u = 3 * T.T @ v
+    ripple = []
+    for leg in range(6):
+        one = u[SETS[leg % 2]]
+        high = u[leg] + (1 - one.max() if rails[leg % 2] else -one.min())
+        at_ends = leg % 2 == 1 and opposite
+        state = np.abs(TAU) > 0.5 - high / 2 if at_ends else np.abs(TAU) < high / 2
+        volt_seconds = np.cumsum(state - high)
+        ripple.append(volt_seconds - volt_seconds.mean())
+    return np.mean((T[2:] @ ripple) ** 2)
+
+
+def least_xy_rails(v, opposite):
+    """The rails of `xy_ripple` with the least of it."""
+    return min(itertools.product((False, True), repeat=2), key=lambda r: xy_ripple(v, r, opposite))
 
 
 def follow_leg(commands, dead, outward, end):

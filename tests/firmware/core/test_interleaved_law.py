@@ -10,6 +10,7 @@ import pytest
 from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from legs import least_xy_rails
 from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
@@ -18,6 +19,8 @@ TS, VDC = 1e-4, 300.0
 SIGMA_LS, LXY, RS, GAIN = 0.028, 0.0144, 6.0, 3.0
 RHO = SIGMA_LS / LXY
 COUNTS, SHORTEST = 10000, 60
+#: Legs are clamped from here on, over the next 0.02 Vdc.
+CLAMPED_PU = 0.36
 #: Legs of each set in the order of the law, and where they lie.
 LEGS = ((0, 2, 4), (5, 1, 3))
 ANGLE = np.deg2rad([0, 30, 120, 150, 240, 270])
@@ -41,19 +44,23 @@ def level(word, leg):
 
 class Law:
     def __init__(self, weight=2.0, gain=1.0, in_phase=0.0, f_isr_Hz=1 / TS, dead=0.0,
-                 shortest=SHORTEST, counts=COUNTS):  # fmt: skip
+                 shortest=SHORTEST, counts=COUNTS, alternate=False):  # fmt: skip
         self.cfg = ffi.new("ht_interleaved_law_config *")
         self.cfg.deadbeat = ffi.new("ht_deadbeat_law_config *", [gain, 0.0, 16.0, 1.0])[0]
-        lib.ht_interleaved_configure(
-            ffi.addressof(self.cfg.positions), weight, RHO, f_isr_Hz, in_phase
-        )
-        assert lib.ht_interleaved_law_check(self.cfg)
+        self.configure(weight, in_phase, f_isr_Hz, alternate)
         self.state = unwritten("ht_interleaved_law_state *")
         lib.ht_interleaved_law_reset(self.state)
         self.period = ffi.new("ht_period *", [counts, 0, shortest])
         self.dead = ffi.new("ht_dead_time *", [dead, 0.1])
         self.six = ffi.new("ht_six *")
         self.before = 0
+
+    def configure(self, weight, in_phase, f_isr_Hz=1 / TS, alternate=False):
+        lib.ht_interleaved_configure(
+            ffi.addressof(self.cfg.positions), weight, RHO, f_isr_Hz, in_phase,
+            1.0 if alternate else 0.0, CLAMPED_PU,
+        )  # fmt: skip
+        assert lib.ht_interleaved_law_check(self.cfg)
 
     def step(self, psi, psi_xy, rotor, torque, flux, turn=0.0, vdc=VDC, rs=RS, i=(0j, 0j)):
         """One period. Returns what the registers and the observer are told."""
@@ -144,12 +151,13 @@ def settled(law, motor, torque, flux, periods=400):
 
 @pytest.mark.parametrize("degrees", range(0, 360, 15))
 @pytest.mark.parametrize("turn", [0.0, 0.012, -0.03, 0.039])
-@pytest.mark.parametrize("in_phase", [0.0, 1.0])
-def test_each_set_has_the_torque_and_the_flux_at_its_begins(in_phase, turn, degrees):
-    """From every direction, at low and high voltage, with pulses placed. The compare values are
-    rounded, and edges keep the shortest pulse from the samples: the set makes up for it."""
+@pytest.mark.parametrize(("in_phase", "alternate"), [(0.0, False), (1.0, False), (1.0, True)])
+def test_each_set_has_the_torque_and_the_flux_at_its_begins(in_phase, alternate, turn, degrees):
+    """From every direction, at low and high voltage, with pulses placed or legs clamped. The
+    compare values are rounded, and edges keep the shortest pulse from the samples: the set makes up
+    for it."""
     rotor = 0.36 * np.exp(1j * np.deg2rad(degrees))
-    law = Law(2.0 * (1 - in_phase), in_phase=in_phase)
+    law = Law(2.0 * (1 - in_phase), in_phase=in_phase, alternate=alternate)
     found = settled(law, Machine(rotor, turn), 1.5, 0.4)
     assert law.state.positions.together == (in_phase == 1.0 and abs(turn) > 0.02)
     assert found[:, 0].mean() == pytest.approx(1.5, abs=0.02)
@@ -295,6 +303,76 @@ def test_for_the_least_distortion_the_sets_begin_together_and_turn():
             assert opposite == (angle < 30)
 
 
+def turning(size):
+    """A machine without torque whose voltage has this size, in units of V_dc."""
+    return Machine(0.4, size * VDC * TS / 0.4)
+
+
+def pattern_of(law, motor):
+    """A period in steady state: start levels, instants, and whether both halves begin in it."""
+    state = law.state.positions
+    even = state.quarter in (0, 2)
+    was = law.before
+    out = law.step(motor.psi, motor.psi_xy, motor.rotor, 0.0, 0.4, motor.turn)
+    ab, xy = valid(law, was, *out)
+    motor.run(ab, xy)
+    return out, even and state.together
+
+
+@pytest.mark.parametrize(("size", "dead"), [(0.4, 0.0), (0.5, 0.0), (0.5, 0.0055)])
+def test_clamped_legs_are_those_with_the_least_xy_ripple(size, dead):
+    """Of each set one leg stays on its rail for the whole half: of the four choices the one with
+    the least x-y ripple, under carriers whose sense is that of the half. No pulse is too short
+    where the clamped leg changes. The dead time's share of an edge, in either direction, gives a
+    clamped leg none."""
+    law, motor = Law(0.0, in_phase=1.0, alternate=True, dead=dead), turning(size)
+    rng = np.random.default_rng(37)
+    last, seen = [None] * 6, []
+    for n in range(1600):
+        direction = motor.rotor * np.exp(1j * (np.pi / 2 + motor.turn))  # in the middle of the half
+        law.six.p[0:6] = rng.choice([-1.0, 1.0], 6)
+        (out, applied, _), both = pattern_of(law, motor)
+        edges = [(0, applied.before ^ applied.s[0], leg) for leg in range(6)]
+        edges += [(out.ca[leg], applied.s[0] ^ applied.s[1], leg) for leg in range(6)]
+        for at, changed, leg in edges:
+            if level(changed, leg):
+                time = n * COUNTS + at
+                assert last[leg] is None or time - last[leg] >= SHORTEST
+                last[leg] = time
+        if n < 200:
+            continue
+        if both:
+            begun = direction, applied.s[0], law.state.positions.opposite
+            toggled = applied.s[0] ^ applied.s[1]
+        elif begun:
+            toggled |= applied.s[0] ^ applied.s[1]
+            seen.append((*begun, toggled))
+    rails = 0
+    for direction, start, opposite, toggled in seen:
+        angle = np.rad2deg(np.angle(direction)) % 15
+        v = size * direction / abs(direction)
+        if not 2 < angle < 13:
+            continue
+        still = [[leg for leg in LEGS[a] if not level(toggled, leg)] for a in (0, 1)]
+        assert [len(legs) for legs in still] == [1, 1]
+        wanted = least_xy_rails(np.array([v.real, v.imag, 0, 0]), opposite)
+        assert tuple(level(start, legs[0]) for legs in still) == wanted
+        rails += 1
+    assert rails > 400
+
+
+def test_legs_are_clamped_above_their_voltage_and_by_choice():
+    """Toggles of a half: six below the voltage, or if no legs alternate, else four."""
+    for size, alternate, toggles in ((0.34, True, 6), (0.4, True, 4), (0.4, False, 6)):
+        law, motor = Law(0.0, in_phase=1.0, alternate=alternate), turning(size)
+        count = 0
+        for n in range(700):
+            (_, applied, _), _ = pattern_of(law, motor)
+            if n >= 200:
+                count += (applied.s[0] ^ applied.s[1]).bit_count()
+        assert count / 250 == pytest.approx(toggles, abs=0.1)
+
+
 NUMBERS = st.one_of(
     st.floats(-3, 3, width=32),
     st.sampled_from([0.0, -0.0, np.nan, np.inf, -np.inf, 1e30, -1e30, 1e-38]),
@@ -309,12 +387,15 @@ Z = st.builds(complex, NUMBERS, NUMBERS)
     st.sampled_from([(8, 1), (8, 4), (9, 4), (10000, 60), (10000, 5000), (65535, 1),
                      (65535, 32767)]),
     st.floats(0, 0.5, width=32), st.integers(0, 63), st.floats(0, 1), st.floats(0, 1),
+    st.booleans(),
 )  # fmt: skip
-def test_every_input_gives_a_valid_pattern(inputs, period, dead, before, weight, in_phase):
+def test_every_input_gives_a_valid_pattern(
+    inputs, period, dead, before, weight, in_phase, alternate
+):
     """NaN and infinity as well, and the state recovers: it holds numbers again."""
     counts, shortest = period
     law = Law(2 * weight, in_phase=in_phase, dead=min(dead, shortest / counts), counts=counts,
-              shortest=shortest)  # fmt: skip
+              shortest=shortest, alternate=alternate)  # fmt: skip
     law.before = before
     for psi, psi_xy, rotor, torque, flux, turn, vdc, current in inputs:
         for leg in range(6):
@@ -378,6 +459,8 @@ POSITIONS = {
     "together_pu2": ([1e-6], [0.0, -1.0]),
     "early[0]": ([-0.125, 0.125], [-0.126, 0.126]),
     "early[1]": ([-0.125, 0.125], [-0.126, 0.126]),
+    "kappa": ([0.0, 1.0], [-0.01, 1.01]),
+    "kappa_from_pu": ([0.0], [-0.01]),
 }
 
 

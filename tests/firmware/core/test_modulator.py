@@ -7,14 +7,11 @@ import pytest
 from campaigns import examples
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from legs import follow_leg
+from legs import SETS, T, follow_leg, least_xy_rails
 from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 
-THETA = np.deg2rad([0, 30, 120, 150, 240, 270])
-T = np.array([np.cos(THETA), np.sin(THETA), np.cos(5 * THETA), np.sin(5 * THETA)]) / 3
-SETS = (slice(0, 6, 2), slice(1, 6, 2))
 TURN_PU = 0.3
 PERIOD = 7500
 
@@ -223,30 +220,11 @@ def test_clamped_legs_stay_on_their_rail(size, degrees, xy):
         assert bool(modulator.out.start >> (5 - largest) & 1) == (u[largest] > 0)
 
 
-TAU = (np.arange(2000) + 0.5) / 2000 - 0.5
-
-
-def xy_ripple(v, rails, opposite):
-    """Mean square of the x-y ripple volt-seconds over a carrier period. rails: of each set, the one
-    that a leg stays on; opposite: set 2's pulses lie at the ends of the period."""
-    u = 3 * T.T @ v
-    ripple = []
-    for leg in range(6):
-        one = u[SETS[leg % 2]]
-        high = u[leg] + (1 - one.max() if rails[leg % 2] else -one.min())
-        at_ends = leg % 2 == 1 and opposite
-        state = np.abs(TAU) > 0.5 - high / 2 if at_ends else np.abs(TAU) < high / 2
-        volt_seconds = np.cumsum(state - high)
-        ripple.append(volt_seconds - volt_seconds.mean())
-    return np.mean((T[2:] @ ripple) ** 2)
-
-
 @pytest.mark.parametrize("degrees", 7.5 + 15 * np.arange(24))
 @pytest.mark.parametrize("size", (0.35, 0.5))
 def test_alternating_rails_are_those_with_the_least_xy_ripple(degrees, size):
     v = polar(size, degrees)
-    choices = [(one, two) for one in (False, True) for two in (False, True)]
-    least = min(choices, key=lambda rails: xy_ripple(v, rails, turned(v)))
+    least = least_xy_rails(v, turned(v))
     modulator = Modulator(1.0, alternate=True)
     mean = []
     for _ in range(2):  # both carriers' flanks

@@ -17,11 +17,12 @@ VARIANTS = [
     ("db-dtfc", "clamped"),
     ("db-dtfc", "alternating"),
     ("db-dtfc", "centred"),
+    ("db-ipwm", "alternating"),
 ]
 ZERO_SEQUENCE = {
     "default": {},
     "clamped": {"kappa_from_pu": 0.0},
-    "alternating": {"kappa_from_pu": 0.0, "clamp": "alternating"},
+    "alternating": {"kappa_from_pu": 0.0, "clamp": "alternating", "thd_share": 1.0},
     "centred": {"kappa": 0.0},
 }
 
