@@ -48,7 +48,11 @@ def setups(names, as_json, schema, schemes) -> int:
         for section, rows in setups.describe(setup).items():
             for key, row in rows.items():
                 table.add_row(
-                    section, key, setups.show(row["value"]), row["unit"], row["tag"],
+                    section,
+                    key,
+                    setups.show(row["value"]),
+                    row["unit"],
+                    row["tag"],
                     escape(row["note"]),
                 )
             table.add_section()

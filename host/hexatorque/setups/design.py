@@ -214,7 +214,7 @@ class Design:
 
     @property
     def fastest_rpm(self) -> float:
-        """The larger of the asked and the stated rated speed, or `rated_rpm` if there is neither."""
+        """The larger of asked and stated rated speed, or `rated_rpm` if there is neither."""
         return max(self.asked_rpm, self.setup["rated.speed_rpm"]) or self.rated_rpm
 
     @property

@@ -519,8 +519,8 @@ def _fits(d: Design) -> Iterator[Finding]:
         yield at_most(
             "flux_reserve_Nm, which leaves a flux to save", p("flux_reserve_Nm"),
             min(PULL_OUT_SHARE * d.pull_out_Nm, d.slip_Nm), "N m",
-            "lower controller.flux_reserve_Nm: the whole flux makes no more, or only with more slip "
-            "than encoder_trip_rpm", "note",
+            "lower controller.flux_reserve_Nm: the whole flux makes no more, or only with more "
+            "slip than encoder_trip_rpm", "note",
         )  # fmt: skip
     if p("winding_K_W") > 0:
         yield at_most(

@@ -271,7 +271,7 @@ def test_a_reserve_beyond_the_pull_out_or_the_slip_leaves_no_flux_to_save(name, 
     """Which of the two is the lower one depends on the machine."""
     subject = "flux_reserve_Nm, which leaves a flux to save"
     setup = setups.load(name).changed(controller__flux_least_loss="on")
-    p = {key: float(setup.parameter(f"{key}")) for key in ("rr_ohm", "lm_H", "lr_H", "pole_pairs")}
+    p = {key: float(setup.parameter(key)) for key in ("rr_ohm", "lm_H", "lr_H", "pole_pairs")}
     rotor_Wb = float(setup.parameter("flux_ref_Wb")) * p["lr_H"] / p["lm_H"]
     slip_rad_s = p["pole_pairs"] * float(setup.parameter("encoder_trip_rpm")) * math.pi / 30
     slip_Nm = 3 * p["pole_pairs"] * slip_rad_s * rotor_Wb**2 / p["rr_ohm"]
