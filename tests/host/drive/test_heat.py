@@ -495,7 +495,9 @@ def standing(name, scheme, share):
 
 @pytest.mark.parametrize(("name", "scheme"), part(STANDING, 3))
 def test_an_overload_at_standstill_trips_before_the_winding_passes_its_class(name, scheme):
-    """With magnets one phase has the amplitude, and twice the heat of one that turns."""
+    """With magnets one phase has the amplitude, and twice the heat of one that turns. The trip, at
+    145, comes 6 K early at most: the looks at the ripple scatter by 4 % of the square (`ddr-ml`),
+    and so does the rise."""
     sim, highest = standing(name, scheme, 1.5)
     assert sim.faults == [HOT]
-    assert CLASS_DEGC - 15 < highest < CLASS_DEGC, highest
+    assert CLASS_DEGC - 16 < highest < CLASS_DEGC, highest
