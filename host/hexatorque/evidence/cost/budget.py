@@ -240,7 +240,7 @@ All three on one stack, with the {exception} bytes that each interrupt adds by i
 ## Sizes
 Bytes of core, app and C2000 driver (atmega2560: without driver; constants: with the texts of the
 parameter and channel tables), of the data of one drive, and of [XCP](xcp.md), which an image has or
-has not; compiled file by file at -O2. The image
+has not; compiled file by file at -O2 (atmega2560: the app at -Os). The image
 whose instructions are counted above is compiled as stated there and has {image} bytes instead of
 {image_by_file}.
 
