@@ -333,21 +333,21 @@ def _flux_ref_Wb(k: Known) -> float:
     if stated > 0:
         return stated
 
-    def pulled_Wb(share: float) -> float:
-        """The flux at which the load is this share of the pull-out torque."""
-        return math.sqrt(k.asked_Nm / (share * m.pull_out_Nm(1.0)))
+    def pulled_Wb(share: float, load_Nm: float = k.asked_Nm) -> float:
+        """The flux at which a load, else the largest one, is this share of the pull-out torque."""
+        return math.sqrt(load_Nm / (share * m.pull_out_Nm(1.0)))
 
     def turned_Wb(speed_rpm: float) -> float:
         if speed_rpm == 0:
             return math.inf
         return 0.9 * USABLE * REACH_PU * k.vdc_V / (m.pole_pairs * rad_s(speed_rpm))
 
-    loaded_rpm = max((one.speed_rpm for one in k.asked), default=0.0)
     # Point and profile may need more: at low speed the voltage lets it, on the way up the field is
-    # weakened.
-    needed_Wb = max(
-        pulled_Wb(MOST_OF_PULL_OUT), min(pulled_Wb(ASKED_OF_PULL_OUT), turned_Wb(loaded_rpm))
-    )
+    # weakened. Each load counts at its own speed.
+    needed_Wb = pulled_Wb(MOST_OF_PULL_OUT)
+    for one in k.asked:
+        reserve_Wb = pulled_Wb(ASKED_OF_PULL_OUT, one.load_Nm)
+        needed_Wb = max(needed_Wb, min(reserve_Wb, turned_Wb(one.speed_rpm)))
     limits = [0.2 * k.setup["sensors.i_full_A"] * m.ls_H]
     if k.setup["rated.current_A"] > 0:
         by_current_Wb = NO_LOAD_SHARE * math.sqrt(2) * k.setup["rated.current_A"] * m.ls_H
