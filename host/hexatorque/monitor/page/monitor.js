@@ -789,7 +789,7 @@ async function fetchLog() {
   box.replaceChildren(
     make("p", { className: "hint", textContent:
       `Powered ${clock(found.powered_s)}, gates on ${clock(found.gates_s)}, starts ${found.starts}. ` +
-      `Largest: ${show(found.vdc_V)} V, ${show(found.current_A)} A, ${show(found.speed_rpm)} r/min, ${found.winding_degC > 0 ? show(found.winding_degC) : "–"} degC. ` +
+      `Largest: ${show(found.vdc_V)} V, ${show(found.current_A)} A, ${show(found.speed_rpm)} r/min, ${show(found.winding_degC)} degC. ` +
       `Trips: ${trips || "none"}.${found.kept ? "" : " Lost with the power."}` }),
     make("table", {}, make("tbody", {}, ...rows)));
 }
