@@ -482,9 +482,9 @@ HT_APART void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleav
     nothing_yet(&m, in);
     if (begins) {
         if (cfg->kappa > 0.0f) {
+            ht_sets sets;
             /* By this very voltage, because the clamped legs and the turn fit each other. */
-            ht_sets sets =
-                ht_modulator_alternating(cfg->kappa, cfg->kappa_from_pu, command[0].steady_pu);
+            sets = ht_modulator_alternating(cfg->kappa, cfg->kappa_from_pu, command[0].steady_pu);
             st->opposite = sets.opposite;
             m.kappa[0] = sets.kappa[0];
             m.kappa[1] = sets.kappa[1];

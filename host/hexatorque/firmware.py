@@ -427,9 +427,9 @@ def misfit_reason(misfit: int, value_of: Callable[[str], Any]) -> str:
         if misfit in _NTC:
             allowed = f"allowed is {_pull_up_text(misfit, value_of)} {first.unit}: "
         if misfit in _LEAST:
-            least = _LEAST[misfit](value_of)
-            allowed = f"allowed is {least:.4g} {first.unit} and more: "
-            if least > first.max:
+            enough = _LEAST[misfit](value_of)
+            allowed = f"allowed is {enough:.4g} {first.unit} and more: "
+            if enough > first.max:
                 other = second.name if second is not first else "another parameter"
                 allowed = f"no value in its range is enough, change {other}: "
         return f"{', '.join(both)}: {allowed}{_text(lib.ht_misfit_demand(misfit))}"
