@@ -94,8 +94,7 @@ static void range_text(const ht_fmu *f, uint16_t id, double value, char line[HT_
     ht_range range = ht_param_range(&f->s.port, id);
     (void)snprintf(line, HT_FMU_LINE, "%s = %.9g: allowed range is %.9g .. %.9g%s%s%s", info->name,
                    value, (double)range.min, (double)range.max, (info->unit[0] != '\0') ? " " : "",
-                   info->unit,
-                   info->whole ? ", whole numbers only" : "");
+                   info->unit, info->whole ? ", whole numbers only" : "");
 }
 
 /* --- making --------------------------------------------------------------------------------- */
