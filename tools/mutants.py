@@ -226,7 +226,9 @@ def judge(chosen: list[Mutant], jobs: int, book: Book, judge_of: Callable[[int],
 
     with ThreadPoolExecutor(jobs) as pool:
         list(pool.map(lambda mutant: one(mutant, True), left))
+        known = verdicts()  # those that have one are the last
         again = [mutant for mutant in left if book.done[mutant].by == FIRST]
+        again.sort(key=lambda mutant: without_number(mutant) in known)
         print(f"{len(again)} of them once more, with all tests", flush=True)
         list(pool.map(lambda mutant: one(mutant, False), again))
 
@@ -241,13 +243,18 @@ def verdicts() -> dict[Mutant, str]:
     return {Mutant(r["file"], 0, r["right"], r["wrong"]): r["verdict"] for r in rows}
 
 
+def without_number(m: Mutant) -> Mutant:
+    """As a verdict names it."""
+    return Mutant(m.file, 0, m.right.strip(), m.wrong.strip())
+
+
 def tables(
     results: list[Result], known: dict[Mutant, str], rooms: tuple[str, ...]
 ) -> tuple[list[list[str]], list[list[str]]]:
     """A row for each room, and one for each mutant that was not killed."""
 
     def verdict(m: Mutant) -> str:
-        return known.get(Mutant(m.file, 0, m.right.strip(), m.wrong.strip()), "–")
+        return known.get(without_number(m), "–")
 
     by_room = []
     for room in (*rooms, ""):

@@ -16,7 +16,8 @@ at random, the same ones for the same seed. A mutant counts as
 The tests that are likely to fail run first: the C tests, then the files in Python whose name has a
 word of the mutated file's, then the others, the quick ones first. Only the mutated file is
 compiled, and the tests in Python run in a process that has everything loaded
-(tools/mutant_tests.py). Their random inputs are the same for every mutant.
+(tools/mutant_tests.py). Their random inputs are the same for every mutant. The last pass takes the
+files first that have killed most for what they cost.
 
 tests/mutation.toml has a verdict for those that stayed alive. --write renews docs/mutation.md.
 What was interrupted goes on where it was. A mutant is judged again if the firmware has changed, or
@@ -34,6 +35,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -133,9 +135,8 @@ def limited() -> None:
 class Bench:
     """The tests, one mutant after the other."""
 
-    def __init__(self, number: int, seconds: dict[str, float]) -> None:
-        """seconds: what each file of tests takes."""
-        self.folder, self.seconds = WORK / f"job{number}", seconds
+    def __init__(self, number: int, book: Book) -> None:
+        self.folder, self.book, self.seconds = WORK / f"job{number}", book, book.seconds
         self.right: dict[str, bytes] = {}  # object files of the firmware as it is
         module = WORK / "module" / "_firmware.py"
         folders = [f"tests/firmware/{room}" for room in FIRMWARE.rooms]
@@ -152,9 +153,10 @@ class Bench:
         self.empty()
         file = "core/ht_duty.c"
         self.code(file, (ROOT / "firmware" / file).read_text().splitlines())
-        verdict, by = self.tested(file, first=False)
-        if verdict != ALIVE:
-            raise SystemExit(f"mutate: without any change: {verdict} {by}")
+        for first in (True, False):
+            verdict, by = self.tested(file, first)
+            if verdict != ALIVE:
+                raise SystemExit(f"mutate: without any change: {verdict} {by}")
 
     def empty(self) -> None:
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -212,8 +214,10 @@ class Bench:
         files = sorted(self.seconds, key=late)
         own = [name for name in files if not late(name)[0]]
         quick = own or [name for name in files if self.seconds[name] < QUICK_S]
+        kills = Counter(result.by.split("::")[0] for result in list(self.book.done.values()))
+        others = sorted(set(files) - set(quick), key=lambda f: self.seconds[f] / (1 + kills[f]))
         request = {
-            "files": quick if first else files,
+            "files": quick if first else others,
             "changed": str(library),
             "symbols": symbols(library),
         }
@@ -236,12 +240,12 @@ def prepare(book: Book, rooms: tuple[str, ...]) -> Callable[[int], Bench]:
     every = [path for room in FIRMWARE.rooms for path in (TESTS / room).glob("test_*.py")]
     names = [str(path.relative_to(ROOT)) for path in every]
     book.seconds = {name: book.seconds.get(name, 0.0) for name in names}
-    first = Bench(0, book.seconds)
+    first = Bench(0, book)
     if book.passed != book.states.all:
         first.check()
         book.passed = book.states.all
         book.save()
-    return lambda number: first if number == 0 else Bench(number, book.seconds)
+    return lambda number: first if number == 0 else Bench(number, book)
 
 
 if __name__ == "__main__":
