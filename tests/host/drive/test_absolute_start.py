@@ -10,6 +10,7 @@ from hexatorque import setups
 from hexatorque.cli.main import main
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.firmware import CALIBRATE, FAULT, RUN, lib
+from hexatorque.plant.vsd import PHASES
 from hexatorque.plant.wires import ABSOLUTE_FAULTS
 
 START_DEG, POLE_PAIRS, READINGS = 100.0, 5, 1000
@@ -100,6 +101,27 @@ def test_a_wrong_angle_is_found_within_a_quarter_of_an_electrical_turn(wrong_deg
     drive = resting(wrong_deg=wrong_deg)
     assert until_fault(drive) * POLE_PAIRS < 90
     assert drive.faults == [ANGLE]
+
+
+@pytest.mark.parametrize("wrong_deg", [0.0, 180.0])
+@pytest.mark.parametrize("phase", ["u1", "w1", "v2"])
+@pytest.mark.parametrize("at_deg", POSITIONS[::4])
+def test_the_angle_is_checked_without_a_leg(at_deg, phase, wrong_deg):
+    drive = resting(
+        at_deg, wrong_deg, controller__lost_legs=32 >> PHASES.index(phase),
+        controller__ride_through="least-loss", controller__i_rated_A=3.5,
+    )  # fmt: skip
+    drive.break_leg(phase, "open")
+    before = moved_deg(drive)
+    started(drive)
+    if wrong_deg:
+        assert drive.faults == [ANGLE]
+        assert abs(moved_deg(drive) - before) * POLE_PAIRS < 90
+        return
+    assert drive.state == RUN
+    drive.set("speed_ref_rpm", 200.0)
+    drive.run(1.0, record=False)
+    assert drive.state == RUN and abs(drive.speed_rpm - 200) < 15
 
 
 @pytest.mark.parametrize("rpm", [300.0, -300.0])
