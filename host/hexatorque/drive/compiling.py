@@ -6,6 +6,7 @@ until the plant's source changes.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -17,6 +18,8 @@ from ..plant import loop
 #: What the user reads meanwhile.
 COMPILING = "compiling the simulation: once, for up to a minute ..."
 _KIND = "numba:compile"
+#: Those that watch now and tell the user in their own way.
+_watches: list[Listener] = []
 
 
 class _Watch(Listener):
@@ -39,11 +42,30 @@ def watched(begun: Callable[[], None], done: Callable[[], None]) -> Iterator[Non
     """In this block, `begun` and `done` are called when the simulation is compiled. They are not
     called when it comes from the cache."""
     watch = _Watch(begun, done)
+    _watches.append(watch)
     register(_KIND, watch)
     try:
         yield
     finally:
         unregister(_KIND, watch)
+        _watches.remove(watch)
+
+
+@contextmanager
+def told() -> Iterator[None]:
+    """In this block, a line on standard error says that the simulation is compiled, if nobody
+    watches."""
+
+    def tell() -> None:
+        if not _watches:
+            print(COMPILING, file=sys.stderr, flush=True)
+
+    teller = _Watch(tell, lambda: None)
+    register(_KIND, teller)
+    try:
+        yield
+    finally:
+        unregister(_KIND, teller)
 
 
 def compile_now() -> None:

@@ -36,6 +36,7 @@ from ..plant.vsd import PHASES
 from ..setups import KEYS, Setup, SetupError
 from ..setups.keys import PROFILE
 from . import parts
+from .compiling import told
 from .entry_point import EntryPoint
 from .interface import finite
 from .samples import NOTHING
@@ -117,7 +118,8 @@ class Hardware:
         )
         self._edges = EdgeLog(self.inverter)
         # Compile now, or load from the cache, so that this does not count as simulation time.
-        self._advance(0, NOTHING, NOTHING)
+        with told():
+            self._advance(0, NOTHING, NOTHING)
 
     @property
     def timers_written(self) -> bool:

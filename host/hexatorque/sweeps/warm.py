@@ -8,16 +8,14 @@ workers would write into memory that they share.
 from __future__ import annotations
 
 import gc
-import sys
 
 gc.disable()
 
 from ..analysis import walk  # noqa: E402, F401  (what a run needs)
-from ..drive.compiling import COMPILING, compile_now, watched  # noqa: E402
+from ..drive.compiling import compile_now  # noqa: E402
 from ..experiments import steady  # noqa: E402, F401
 from . import work  # noqa: E402, F401
 
-with watched(lambda: print(COMPILING, file=sys.stderr, flush=True), lambda: None):
-    compile_now()
+compile_now()
 gc.freeze()
 gc.enable()

@@ -2,12 +2,12 @@
 
 import importlib.util
 import json
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 import pytest
 
 from hexatorque.cli.main import main
-from hexatorque.drive import compiling
+from hexatorque.drive import compiling, hardware
 from hexatorque.plant import loop
 
 SOURCE = """
@@ -48,6 +48,31 @@ def test_numba_reports_compiling_and_not_loading(tmp_path, monkeypatch):
         reports.clear()
         assert module.loop(0.5) == 1.5  # compiled outside the watch, so there is no report
         assert reports == []
+
+
+def test_a_script_that_compiles_is_told_so_once(tmp_path, monkeypatch, capsys):
+    """If somebody watches, he tells the user himself."""
+    path = tmp_path / "compiled.py"
+    path.write_text(SOURCE)
+    module = load(path)
+    monkeypatch.setattr(loop, "run_periods", module.loop)
+    with compiling.told():
+        module.other(1)
+        assert capsys.readouterr().err == ""
+        module.loop(1)
+        assert capsys.readouterr().err == f"{compiling.COMPILING}\n"
+        module.loop(2)
+        with compiling.watched(lambda: None, lambda: None):
+            module.loop(0.5)
+    module.loop(1j)  # compiled outside
+    assert capsys.readouterr().err == ""
+
+
+def test_the_first_simulated_drive_of_a_process_tells_it(monkeypatch):
+    told = []
+    monkeypatch.setattr(hardware, "told", lambda: told.append(True) or nullcontext())
+    compiling.compile_now()
+    assert told == [True]
 
 
 def test_the_simulation_is_what_is_watched():
