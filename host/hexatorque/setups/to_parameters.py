@@ -123,18 +123,16 @@ def beside_the_plant(setup: Values) -> list[str]:
                 f"inverter.chopper_on_V = {on_V:g}: allowed is less than {trip_V:g} V, "
                 "controller.vdc_max_V, where the drive trips"
             )
-    if setup["inverter.precharge_ohm"] > 0:
-        volts, level_V = setup["inverter.vdc_V"], float(values["precharge_V"])
-        if level_V == 0:
-            lines.append(
-                "inverter.precharge_ohm needs controller.precharge_V above 0: else no relay "
-                "bridges it"
-            )
-        elif level_V >= volts:
-            lines.append(
-                f"controller.precharge_V = {level_V:g}: allowed is less than {volts:g} V, "
-                "inverter.vdc_V, to which the resistor charges the link"
-            )
+    volts, level_V = setup["inverter.vdc_V"], float(values["precharge_V"])
+    if setup["inverter.precharge_ohm"] > 0 and level_V == 0:
+        lines.append(
+            "inverter.precharge_ohm needs controller.precharge_V above 0: else no relay bridges it"
+        )
+    if level_V >= volts:
+        lines.append(
+            f"controller.precharge_V = {level_V:g}: allowed is less than {volts:g} V, "
+            "inverter.vdc_V, to which the link is charged"
+        )
     if setup["load.holding_Nm"] > 0 and float(values["brake_open_s"]) == 0:
         lines.append("load.holding_Nm needs controller.brake_open_s above 0: else nothing opens it")
     if file := setup.machine_values().get("flux_map"):

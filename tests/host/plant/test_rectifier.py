@@ -303,11 +303,16 @@ def test_a_mistake_about_the_line_is_told_in_one_line(what):
 
 
 @pytest.mark.parametrize(
-    "level_V, told", ((0.0, "no relay bridges it"), (250.0, "less than 250 V"))
+    "ohm, level_V, told",
+    (
+        (47.0, 0.0, "no relay bridges it"),
+        (47.0, 250.0, "less than 250 V"),
+        (0.0, 250.0, "less than 250 V"),
+    ),
 )
-def test_a_relay_that_would_never_close_is_told(level_V, told):
+def test_a_relay_that_would_never_close_is_told(ohm, level_V, told):
     with pytest.raises(SetupError, match=told):
-        drive(**{"inverter.precharge_ohm": 47.0, "controller.precharge_V": level_V})
+        drive(**{"inverter.precharge_ohm": ohm, "controller.precharge_V": level_V})
 
 
 def test_a_machine_that_turns_charges_a_link_whose_line_has_not_conducted_yet():
