@@ -16,16 +16,19 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import cast
 
+from ..plant.heat import PER_K
 from .design import Design
 from .estimate import spread
 from .finding import NOT_READY, Finding
-from .keys import ESTIMATED, LXY_LEAST, LXY_SHARE
+from .keys import ESTIMATED, LXY_LEAST, LXY_SHARE, MEASURED
 from .setup import Setup
 from .values import Value
 
 #: The findings of a scheme, always the same ones in the same order.
 Rows = Callable[[Design], list[Finding]]
 MEASURED_BY = "hexatorque board commission measures it"
+#: A winding at 120 degC, over the 20 degC of a data sheet; magnets at the end of its tolerance.
+WARM, WEAK = 1 + 100 * PER_K, 0.95
 #: How near a threshold is told, as a factor.
 THRESHOLD = 1.01
 
@@ -63,10 +66,14 @@ class Estimate:
 
 def estimates(d: Design) -> Iterator[Estimate]:
     """The inductances that a voltage step meets, where they are estimates, the one that few others
-    follow from first. Those of magnets are told. The leakage has the range of the published
-    machines. L_xy is a share of it, from LXY_LEAST to all of it, and as wrong as it: both errors
-    are chance, so their logarithms add in squares."""
+    follow from first. The leakage has the range of the published machines. L_xy is a share of it,
+    from LXY_LEAST to all of it, and as wrong as it: both errors are chance, so their logarithms add
+    in squares. With magnets the inductances are told; but unless they were measured, the winding is
+    as warm as a sheet's is cold, and the magnets are as weak as it allows."""
     if d.magnets:
+        for key, low, high in (("rs_ohm", 1.0, WARM), ("psi_f_Wb", WEAK, 1.0)):
+            if d.tag(key) != MEASURED:
+                yield Estimate((key,), low, high)
         return
     leakages = tuple(key for key in ("lls_H", "llr_H") if d.tag(key) == ESTIMATED)
     of_share = d.tag("lxy_H") == ESTIMATED or _follows(d)

@@ -19,6 +19,8 @@ from ..plant.wires import ABSOLUTE_FAULTS, ENCODER_WIRES
 TAGS = ("paper", "assumed", "estimated", "measured", "tuned")
 #: Of a usual value that `hexatorque new` takes: the true one may be far from it.
 ESTIMATED = TAGS[2]
+#: At the machine that is there.
+MEASURED = TAGS[3]
 #: The same, for values that the user's own file or command line gives.
 USER = "user"
 #: A thermal resistance that is there.

@@ -222,3 +222,14 @@ def test_least_current_is_the_least():
             tried = np.linspace(-30, 5, 20001)
             per_A = 3 * p.pole_pairs * (p.psi_f_Wb + (p.ld_H - p.lq_H) * tried)
             assert np.hypot(id_A, iq_A) <= np.hypot(tried, torque_Nm / per_A).min() * (1 + 1e-6)
+
+
+def test_the_pull_out_torque_is_the_most_of_all_currents_with_this_flux():
+    reversed_saliency = replace(INTERIOR, ld_H=17.4e-3, lq_H=6.4e-3)
+    for p in (INTERIOR, SURFACE, reversed_saliency):
+        angle = np.linspace(0, np.pi, 100001)
+        for flux_Wb in (0.3 * p.psi_f_Wb, p.psi_f_Wb, 3 * p.psi_f_Wb):
+            id_A = (flux_Wb * np.cos(angle) - p.psi_f_Wb) / p.ld_H
+            iq_A = flux_Wb * np.sin(angle) / p.lq_H
+            torque_Nm = 3 * p.pole_pairs * (p.psi_f_Wb + (p.ld_H - p.lq_H) * id_A) * iq_A
+            assert p.pull_out_Nm(flux_Wb) == pytest.approx(torque_Nm.max(), rel=1e-8)

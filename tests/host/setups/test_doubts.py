@@ -11,7 +11,7 @@ from hexatorque import firmware, setups
 from hexatorque.cli.main import main
 from hexatorque.setups import doubts, new
 from hexatorque.setups.design import Design
-from hexatorque.setups.keys import TIMING_OWNS
+from hexatorque.setups.keys import MEASURED, TIMING_OWNS
 from hexatorque.setups.review import (
     PEAK,
     _scheme,
@@ -22,11 +22,15 @@ from hexatorque.setups.review import (
     review,
     verdict_of,
 )
+from hexatorque.setups.values import Value
 
 PLATE = "power_kW=5.5,voltage_V=400,current_A=5.9,power_factor=0.8,frequency_Hz=50,speed_rpm=1450"
 PLATE += ",poles=4"
 CIRCUIT = "pole_pairs=2,rs_ohm=1.1,rr_ohm=0.9,lls_H=7e-3,llr_H=7e-3,lm_H=0.21,current_A=5.9"
 CIRCUIT += ",vdc_V=600"
+#: Magnets whose resistance takes a third of the voltage of a 48 V battery.
+SHEET = "current_A=1.25,torque_Nm=1.29,rs_ohm=4.38,ld_H=1.91e-3,ke_V=31.6,poles=18"
+SHEET += ",inertia_kgm2=4.5e-3,speed_rpm=1018"
 SCHEMES = firmware.schemes()
 LEAKAGE = ("lls_H", "llr_H", "lxy_H")
 
@@ -82,7 +86,30 @@ def test_what_is_told_leaves_nothing_open(plate, findings):
     told = plate.changed(**{f"machine__{key}": plate[f"machine.{key}"] for key in LEAKAGE})
     assert not ends(told)
     assert all(f.verdict != "doubtful" for f in review(told, SCHEMES, steady=False))
-    assert not ends(setups.load("paper-b")) and not ends(setups.load("magnet-surface"))
+    assert not ends(setups.load("paper-b"))
+
+
+def test_magnets_may_be_weaker_and_their_winding_warmer_unless_both_were_measured():
+    """IEC 60034-1 lets a winding of class F get 105 K warmer than 40 degC. A sheet has R at 20."""
+    setup = setups.load("magnet-surface")
+    rs_ohm, psi_f_Wb = setup["machine.rs_ohm"], setup["machine.psi_f_Wb"]
+    warm_ohm = rs_ohm * (234.5 + 120) / (234.5 + 20)
+    assert ends(setup) == {
+        ("rs_ohm",): pytest.approx([rs_ohm, warm_ohm], rel=0.01),
+        ("psi_f_Wb",): pytest.approx([0.95 * psi_f_Wb, psi_f_Wb]),
+    }
+    values = {key: Value(setup[f"machine.{key}"], MEASURED) for key in ("rs_ohm", "psi_f_Wb")}
+    assert not ends(setup.with_part({"machine": values}))
+
+
+@pytest.mark.parametrize("vdc_V, verdict", [(55, "bad"), (70, "doubtful"), (80, "ready")])
+def test_a_speed_that_only_a_cold_winding_reaches_is_doubtful(vdc_V, verdict):
+    setup = setups.parse(new.from_magnets(f"{SHEET},vdc_V={vdc_V}", "x"), "x")
+    found = review(setup, ["fdr"])
+    assert verdict_of(found, "fdr") == verdict
+    if verdict == "doubtful":
+        (doubt,) = (f for f in found if f.verdict == "doubtful")
+        assert doubt.subject.startswith("torque left") and "machine.rs_ohm" in doubt.where
 
 
 def test_a_doubt_is_the_rule_before_the_other_machine(plate, findings):

@@ -130,18 +130,13 @@ class Parameters:
         return 0.0
 
     def pull_out_Nm(self, flux_Wb: float) -> float:
-        """The most torque that this flux can have, by search over its part along the d axis."""
-        best = 0.0
-        for n in range(-200, 201):
-            d_Wb = flux_Wb * n / 200
-            active_Wb = self._active_Wb(d_Wb)
-            q_Wb = math.sqrt(max(0.0, flux_Wb**2 - d_Wb**2))
-            best = max(best, 3 * self.pole_pairs / self.lq_H * active_Wb * q_Wb)
-        return best
-
-    def _active_Wb(self, d_Wb: float) -> float:
-        share = (self.ld_H - self.lq_H) / self.ld_H
-        return self.psi_f_Wb + share * (d_Wb - self.psi_f_Wb)
+        """The most torque that this flux can have. With d of it along the d axis it is in
+        proportion to (a + b d) sqrt(psi^2 - d^2), which is largest where its slope is 0."""
+        b = (self.ld_H - self.lq_H) / self.ld_H
+        a = self.psi_f_Wb * (1 - b)
+        d_Wb = 2 * b * flux_Wb**2 / (a + math.sqrt(a**2 + 8 * (b * flux_Wb) ** 2))
+        q_Wb = math.sqrt(max(0.0, flux_Wb**2 - d_Wb**2))
+        return 3 * self.pole_pairs / self.lq_H * (a + b * d_Wb) * q_Wb
 
     def current_A(self, torque_Nm: float, _flux_Wb: float) -> float:
         """Amplitude of the least current that makes this torque."""
