@@ -33,9 +33,10 @@ INTERLEAVED = "interleaved"
 ENDS: tuple[tuple[str, str, str, tuple[str, ...], float, tuple[str, ...]], ...] = (
     ("db-ipwm smooth", "td_Nm", "Td", ("limit, w = 2", "limit, w = 32"), 0.85,
      ("Td ≤ 1 kHz", "Td ≤ 1.5 kHz", "Td ≤ 2 kHz", "Td ≤ 3 kHz")),
-    ("db-ipwm", "thd_inf_pct", "THD∞", ("limit, w = 0",), 1.0, ()),
+    ("db-ipwm clean", "thd_inf_pct", "THD∞", ("limit, w = 0",), 1.0, ()),
 )  # fmt: skip
-ENDS_OF = tuple(name for name, *_ in ENDS)
+#: The methods that are forms of it.
+FORMS = tuple(method.name for method in methods() if method.scheme == "db-ipwm")
 MACHINE = "mps2-an386"
 #: Within this limit one number of each figure is shown.
 SHOWN = "4000"
@@ -195,7 +196,8 @@ def costs(budget: dict) -> str:
         name, kind = (*method.name.split(), "")[:2]  # variants differ in parameters alone
         row = counted.get(name)
         if name == PLACING:  # where it takes most, at the ends of the knob that the method has
-            ends = counted["placed"][: 1 if kind else None]
+            smooth, clean = counted["placed"]
+            ends = {"smooth": (smooth,), "clean": (clean,)}.get(kind, (smooth, clean))
             row = {key: max(end[key] for end in ends) for key in ("mean", "max")}
         name = method.name
         own = memory.get(name)
@@ -237,7 +239,7 @@ def _data(name: str) -> list[dict[str, str]]:
 def _over(own: dict[str, dict[str, str]], name: str, column: str) -> tuple[float, str]:
     """A method's figure at a point over the least of the methods that are not ours, and which one
     that is. own: method -> its row. Infinite without a setting."""
-    cells = {n: row[column] for n, row in own.items() if n == name or n not in ENDS_OF}
+    cells = {n: row[column] for n, row in own.items() if n == name or n not in FORMS}
     figures = {n: math.inf if cell == "–" else float(cell) for n, cell in cells.items()}
     mine = figures.pop(name)
     best = min(figures, key=lambda n: figures[n])

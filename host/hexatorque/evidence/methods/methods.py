@@ -149,6 +149,11 @@ _VARIANTS: tuple[tuple[str, tuple[tuple[str, float | str], ...], tuple[Axis, ...
     (f"{OURS} alternating", (*_CLAMPED, ("clamp", "alternating")), ()),
     (f"{OURS} free", (), _ZERO),
 )
+#: Both ends of the knob of the interleaved sets.
+_ENDS: tuple[tuple[str, tuple[tuple[str, float | str], ...]], ...] = (
+    ("smooth", (("thd_share", 0.0),)),
+    ("clean", (("thd_share", 1.0), *_CLAMPED, ("clamp", "alternating"))),
+)
 
 
 def _tables(extent: Extent, quick: Extent) -> list[Method]:
@@ -205,7 +210,10 @@ def methods() -> tuple[Method, ...]:
         scheme("foc", period),
         scheme("foc-24", period),
         scheme("db-ipwm", quarter, Axis("thd_share", 0.0, 1.0, log=False)),
-        replace(scheme("db-ipwm", quarter), name="db-ipwm smooth", fixed=(("thd_share", 0.0),)),
+        *(
+            replace(scheme("db-ipwm", quarter), name=f"db-ipwm {end}", fixed=fixed)
+            for end, fixed in _ENDS
+        ),
         law("dtc-svm", MODULATED, period),
         law("lvv-mpc", VIRTUAL, period),
         law("vv-mpc", VIRTUAL, _VECTORS),

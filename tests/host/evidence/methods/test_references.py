@@ -235,7 +235,7 @@ def test_the_page_of_db_ipwm_tells_what_it_reaches_of_its_targets(tool, monkeypa
         rows = {(row["point"], row["method"]): row for row in csv.DictReader(file)}
     with (ROOT / "docs/data/limit.csv").open() as file:
         limit = {(row["point"], row["pattern"]): row for row in csv.DictReader(file)}
-    ends = (("db-ipwm smooth", "Td ≤ 4 kHz", 0.85), ("db-ipwm", "THD∞ [%]", 1.0))
+    ends = (("db-ipwm smooth", "Td ≤ 4 kHz", 0.85), ("db-ipwm clean", "THD∞ [%]", 1.0))
     for name, column, target in ends:
         over = []
         for point in {point for point, _ in rows}:
