@@ -76,7 +76,7 @@ static ht_ab magnet_reference(const ht_magnet_config *m, const ht_voltage_law_in
                               float rotor_Wb, ht_ab now_A)
 {
     ht_dq now = {rotor_Wb + m->lq_H * now_A.alpha, m->lq_H * now_A.beta};
-    ht_dq wanted = ht_magnet_wanted_Wb(m, rotor_Wb, now, in->flux_ref_Wb, in->torque_ref_Nm);
+    ht_dq wanted = ht_magnet_reference_Wb(m, rotor_Wb, now, in->flux_ref_Wb, in->torque_ref_Nm);
     ht_ab i;
     i.alpha = now_A.alpha + m->inv_ld * (wanted.d - now.d);
     i.beta = wanted.q / m->lq_H;

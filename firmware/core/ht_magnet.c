@@ -1,5 +1,6 @@
 #include "ht_magnet.h"
 
+#include "ht_limited.h"
 #include "ht_turned.h"
 
 #include <math.h>
@@ -9,9 +10,15 @@
 /* Rounds of an iteration. That for the least current leaves in each a third of the error at 1.5 times the
  * torque of a machine whose L_q is three times its L_d, that for a flux halves its range. */
 #define ROUNDS 8
-/* Least part of the flux that is along r, squared, and least slope of q r over q, in psi_f. */
-#define LEAST_ALONG2 0.01f
+/* Least part of the flux that is along r, and least slope of q r over q, in psi_f. */
+#define LEAST_ALONG 0.1f
+#define LEAST_ALONG2 (LEAST_ALONG * LEAST_ALONG)
 #define LEAST_SLOPE 0.2f
+/* Of a reference. Least r of a machine whose L_q is above its L_d, in psi_f; rounds, and the largest part
+ * of the flux across r from which one begins. */
+#define LEAST_ACTIVE 0.7f
+#define REFERENCE_ROUNDS 3
+#define MOST_ACROSS 0.98f
 /* Of the largest torque at a flux: beyond it the torque falls again. */
 #define PULL_OUT 0.9f
 #define ROOT_3 1.73205081f
@@ -133,6 +140,36 @@ ht_dq ht_magnet_wanted_Wb(const ht_magnet_config *m, float r_Wb, ht_dq now, floa
         wanted.q -= (wanted.q * r - product) / ((slope > least) ? slope : least);
     }
     wanted.d = part_along(flux2, wanted.q);
+    return wanted;
+}
+
+/* NaN stays one. */
+static float at_most(float value, float most)
+{
+    return (value > most) ? most : value;
+}
+
+ht_dq ht_magnet_reference_Wb(const ht_magnet_config *m, float r_Wb, ht_dq now, float flux_Wb,
+                             float torque_Nm)
+{
+    float flux2 = flux_Wb * flux_Wb;
+    float product = torque_Nm * m->lq_H / m->torque_gain;
+    float least = LEAST_SLOPE * m->psi_f_Wb;
+    float most = flux_Wb;
+    ht_dq wanted = {0.0f, (now.q * torque_Nm < 0.0f) ? 0.0f : now.q};
+    int n;
+    if (m->share < 0.0f) {
+        most = ht_between(now.d + (LEAST_ACTIVE * m->psi_f_Wb - r_Wb) / m->share,
+                          LEAST_ALONG * flux_Wb, flux_Wb);
+    }
+    for (n = 0; n < REFERENCE_ROUNDS; n++) {
+        float q = ht_limited(wanted.q, MOST_ACROSS * flux_Wb);
+        float d = at_most(part_along(flux2, q), most);
+        float r = r_Wb + m->share * (d - now.d);
+        float slope = r - m->share * q * q / d;
+        wanted.q = q - (q * r - product) / ((slope > least) ? slope : least);
+    }
+    wanted.d = at_most(part_along(flux2, wanted.q), most);
     return wanted;
 }
 

@@ -68,6 +68,12 @@ float ht_magnet_flux_Wb(const ht_magnet_config *m, ht_dq i_A);
 ht_dq ht_magnet_wanted_Wb(const ht_magnet_config *m, float r_Wb, ht_dq now, float flux_Wb,
                           float torque_Nm);
 
+/** The same for the end of a transient, whose flux may be far from `now`. Three rounds, from 0 if the present
+ *  q has the other sign. With L_q above L_d the part along r stays so small that r does not vanish: more
+ *  flux than the torque asks for would need a large current that strengthens the magnets. */
+ht_dq ht_magnet_reference_Wb(const ht_magnet_config *m, float r_Wb, ht_dq now, float flux_Wb,
+                             float torque_Nm);
+
 /** Largest flux that `reach_V` turns at this electrical speed with this torque. */
 float ht_magnet_turned_Wb(float reach_V, float omega_rad_s, float rs_ohm, float torque_Nm,
                           float torque_gain);

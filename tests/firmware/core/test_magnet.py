@@ -189,6 +189,35 @@ def test_flux_that_has_a_torque(machine, begin, torque):
     assert made == pytest.approx(torque, rel=0.01, abs=1e-4)
 
 
+@pytest.mark.parametrize("begin", [-1.5, -1.0, -0.3, 0.0, 0.3, 0.5])
+@pytest.mark.parametrize("load", [0.05, 0.2, 0.5, 1.0])
+@pytest.mark.parametrize("saliency", [1.0, 1.5, 2.7, 4.1])
+def test_a_step_of_torque_and_flux_asks_for_little_more_current_than_it_needs(
+    saliency, load, begin
+):
+    """load: the torque over that of the current psi_f/L_d without saliency. At once the law asks for
+    no more current along d than the old or the new torque needs, and a seventh of psi_f/L_d; and
+    in the end for what the new one needs."""
+    p, ld, psi_f = 3, 2e-3, 0.06
+    lq = saliency * ld
+    m = magnet(Machine(0.1, ld, lq, psi_f, p))
+    torque = load * 3 * p * psi_f**2 / ld
+    before, after = lib.ht_magnet_least_A(m, begin * torque), lib.ht_magnet_least_A(m, torque)
+    flux = lib.ht_magnet_flux_Wb(m, after)
+    d, q = psi_f + ld * before.d, lq * before.q
+    for n in range(6):
+        now = ffi.new("ht_dq *", [d, q])
+        wanted = lib.ht_magnet_reference_Wb(
+            m, psi_f + (ld - lq) * (d - psi_f) / ld, now[0], flux, torque
+        )
+        d, q = wanted.d, wanted.q
+        if n == 0:
+            id_A = (d - psi_f) / ld
+            assert min(before.d, after.d) - psi_f / ld / 7 < id_A < psi_f / ld / 7
+            assert q > 0
+    assert [d, q] == pytest.approx([psi_f + ld * after.d, lq * after.q], rel=0.01)
+
+
 def test_flux_that_a_voltage_turns(machine):
     """In steady state |R i + j omega psi| is the voltage, to first order in R."""
     r, p = machine.r, machine.p

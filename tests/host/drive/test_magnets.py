@@ -12,7 +12,7 @@ from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.firmware import BUILD, CALIBRATE
 from hexatorque.plant.vsd import PHASES
-from hexatorque.setups import SetupError
+from hexatorque.setups import SetupError, new
 from hexatorque.setups.design import Design
 
 BUILT_IN = ("magnet-interior", "magnet-surface", "magnet-24v")
@@ -25,6 +25,13 @@ DRIVES = [
     ("magnet-24v", "db-dtfc"),
     ("magnet-24v", "foc-24"),
 ]
+
+
+#: L_q is four times L_d, and the torque limit needs more flux than the magnets have.
+SALIENT = (
+    "current_A=9.7,torque_Nm=15.6,rs_ohm=0.365,ld_H=1.5e-3,lq_H=6.14e-3,ke_V=55.7,poles=16,"
+    "inertia_kgm2=0.0267,speed_rpm=3323,vdc_V=392"
+)
 
 
 def begun(name, scheme, start_deg=100.0, **more):
@@ -47,6 +54,25 @@ def test_alignment_finds_the_rotor(start_deg):
     drive, _ = begun("magnet-surface", "ddr", start_deg)
     assert drive.state == "run"
     assert abs(angle_error_deg(drive)) < 2
+
+
+@pytest.mark.parametrize("rpm", [3000.0, -3000.0])
+@pytest.mark.parametrize("scheme", ["foc", "foc-24", "db-dtfc"])
+def test_a_step_of_torque_does_not_exceed_its_current(scheme, rpm):
+    """The least current of the torque limit; a quarter more for the ripple and a transient."""
+    setup = setups.parse(new.from_magnets(SALIENT, "x"), "x").with_scheme(scheme)
+    drive, design = at_point.begun(setup)
+    drive.set("speed_ref_rpm", 0.5 * rpm)
+    drive.run(0.6, record=False)
+    drive.take()
+    drive.set("speed_ref_rpm", rpm)
+    drive.run(0.1)
+    assert drive.state == "run"
+    rec = drive.take()
+    limit_Nm = drive.get("torque_limit_Nm")
+    current_A = np.hypot(rec["plant.i_alpha_A"], rec["plant.i_beta_A"])
+    assert np.abs(rec["plant.torque_Nm"]).max() > 0.95 * limit_Nm
+    assert current_A.max() < 1.25 * design.machine.current_A(limit_Nm, 0.0)
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
