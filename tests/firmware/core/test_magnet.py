@@ -195,8 +195,8 @@ def test_flux_that_has_a_torque(machine, begin, torque):
 def test_a_step_of_torque_and_flux_asks_for_little_more_current_than_it_needs(
     saliency, load, begin
 ):
-    """load: the torque over that of the current psi_f/L_d without saliency. At once the law asks for
-    no more current along d than the old or the new torque needs, and a seventh of psi_f/L_d; and
+    """load: the torque over that of the current psi_f/L_d without saliency. At once the law asks
+    for no more current along d than the old or the new torque needs, and a seventh of psi_f/L_d;
     in the end for what the new one needs."""
     p, ld, psi_f = 3, 2e-3, 0.06
     lq = saliency * ld
