@@ -148,8 +148,11 @@ def measure(setup: Setup, progress: Progress | None = None) -> dict:
 
 
 def placed() -> list[dict]:
-    """The instructions of PLACING at points where its positions count."""
-    setup = setups.load(PLACED).with_scheme(PLACING)
+    """The instructions of PLACING at points where its positions count; where both sets begin
+    together, with clamped legs, which take more."""
+    setup = setups.load(PLACED).with_scheme(
+        PLACING, controller__clamp="alternating", controller__kappa_from_pu=0.0
+    )
     return count.over_shares(setup, PLACED_SHARES, MACHINE)
 
 
