@@ -14,11 +14,11 @@
 #define LEAST_ALONG 0.1f
 #define LEAST_ALONG2 (LEAST_ALONG * LEAST_ALONG)
 #define LEAST_SLOPE 0.2f
-/* Of a reference. Least r of a machine whose L_q is above its L_d, in psi_f; rounds, and the largest part
- * of the flux across r from which one begins. */
+/* Of a reference. Least r of a machine whose L_q is above its L_d, in psi_f; the largest part of the flux
+ * across r from which a round begins. */
 #define LEAST_ACTIVE 0.7f
-#define REFERENCE_ROUNDS 3
 #define MOST_ACROSS 0.98f
+#define NO_LIMIT_WB 1.0e30f
 /* Of the largest torque at a flux: beyond it the torque falls again. */
 #define PULL_OUT 0.9f
 #define ROOT_3 1.73205081f
@@ -125,52 +125,49 @@ static float part_along(float flux2, float q)
     return sqrtf((d2 > LEAST_ALONG2 * flux2) ? d2 : (LEAST_ALONG2 * flux2));
 }
 
-ht_dq ht_magnet_wanted_Wb(const ht_magnet_config *m, float r_Wb, ht_dq now, float flux_Wb,
-                          float torque_Nm)
-{
-    float flux2 = flux_Wb * flux_Wb;
-    float product = torque_Nm * m->lq_H / m->torque_gain;
-    float least = LEAST_SLOPE * m->psi_f_Wb;
-    ht_dq wanted = now;
-    int n;
-    for (n = 0; n < 2; n++) {
-        float d = part_along(flux2, wanted.q);
-        float r = r_Wb + m->share * (d - now.d);
-        float slope = r - m->share * wanted.q * wanted.q / d;
-        wanted.q -= (wanted.q * r - product) / ((slope > least) ? slope : least);
-    }
-    wanted.d = part_along(flux2, wanted.q);
-    return wanted;
-}
-
 /* NaN stays one. */
 static float at_most(float value, float most)
 {
     return (value > most) ? most : value;
 }
 
-ht_dq ht_magnet_reference_Wb(const ht_magnet_config *m, float r_Wb, ht_dq now, float flux_Wb,
-                             float torque_Nm)
+/* Rounds of Newton's rule for the part of a flux across r, from `q` on. Each begins at `across` at most; the
+ * part along r is at most `along`. */
+static ht_dq of_torque(const ht_magnet_config *m, float r_Wb, ht_dq now, float flux_Wb,
+                       float torque_Nm, float q, float across, float along, int rounds)
 {
     float flux2 = flux_Wb * flux_Wb;
     float product = torque_Nm * m->lq_H / m->torque_gain;
     float least = LEAST_SLOPE * m->psi_f_Wb;
-    float most = flux_Wb;
-    ht_dq wanted = {0.0f, (now.q * torque_Nm < 0.0f) ? 0.0f : now.q};
-    int n;
-    if (m->share < 0.0f) {
-        most = ht_between(now.d + (LEAST_ACTIVE * m->psi_f_Wb - r_Wb) / m->share,
-                          LEAST_ALONG * flux_Wb, flux_Wb);
-    }
-    for (n = 0; n < REFERENCE_ROUNDS; n++) {
-        float q = ht_limited(wanted.q, MOST_ACROSS * flux_Wb);
-        float d = at_most(part_along(flux2, q), most);
+    ht_dq wanted;
+    for (; rounds > 0; rounds--) {
+        float from = ht_limited(q, across);
+        float d = at_most(part_along(flux2, from), along);
         float r = r_Wb + m->share * (d - now.d);
-        float slope = r - m->share * q * q / d;
-        wanted.q = q - (q * r - product) / ((slope > least) ? slope : least);
+        float slope = r - m->share * from * from / d;
+        q = from - (from * r - product) / ((slope > least) ? slope : least);
     }
-    wanted.d = at_most(part_along(flux2, wanted.q), most);
+    wanted.d = at_most(part_along(flux2, q), along);
+    wanted.q = q;
     return wanted;
+}
+
+ht_dq ht_magnet_wanted_Wb(const ht_magnet_config *m, float r_Wb, ht_dq now, float flux_Wb,
+                          float torque_Nm)
+{
+    return of_torque(m, r_Wb, now, flux_Wb, torque_Nm, now.q, NO_LIMIT_WB, NO_LIMIT_WB, 2);
+}
+
+ht_dq ht_magnet_reference_Wb(const ht_magnet_config *m, float r_Wb, ht_dq now, float flux_Wb,
+                             float torque_Nm)
+{
+    float q = (now.q * torque_Nm < 0.0f) ? 0.0f : now.q;
+    float along = flux_Wb;
+    if (m->share < 0.0f) {
+        along = ht_between(now.d + (LEAST_ACTIVE * m->psi_f_Wb - r_Wb) / m->share,
+                           LEAST_ALONG * flux_Wb, flux_Wb);
+    }
+    return of_torque(m, r_Wb, now, flux_Wb, torque_Nm, q, MOST_ACROSS * flux_Wb, along, 3);
 }
 
 /* |v|^2 = (omega psi)^2 + 2 R omega T/(3 P) + ...: the drop along the voltage is R T/(3 P psi). */
