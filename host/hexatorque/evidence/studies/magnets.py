@@ -18,6 +18,7 @@ from functools import cache
 from typing import Any
 
 from ... import setups
+from ...plant.machines import DISPLACEMENTS_DEG
 from ...plant.machines.magnet_parameters import Parameters
 from ...setups import new
 from ...setups.design import REACH_PU, USABLE, rpm
@@ -101,6 +102,8 @@ def truth(number: int) -> WithMagnets:
     machine["cogging_Nm"] = draw.uniform(0, COGGING) * torque_Nm
     turned = true.turned_rad_s(torque_Nm, math.inf, USABLE * REACH_PU * vdc_V)
     power_kW = 1e-3 * torque_Nm * turned / true.pole_pairs
+    if number < DRAWN:
+        machine["displacement_deg"] = random.Random(f"winding {number}").choice(DISPLACEMENTS_DEG)
     name = one.name if number >= DRAWN else f"{number}: like {one.name}"
     sheet = {"current_A": current_A, "vdc_V": vdc_V, "torque_Nm": torque_Nm}
     sheet["speed_rpm"] = rpm(turned / true.pole_pairs)
@@ -127,6 +130,8 @@ def told(true: WithMagnets) -> Told:
     given["ke_V"] = math.sqrt(1.5) * before("psi_f_Wb", FLUX) * omega
     text = ",".join(f"{name}={value:.4g}" for name, value in given.items())
     setup = setups.parse(new.from_magnets(text, "machine"), "machine")
+    if "displacement_deg" in machine:
+        setup = setup.changed(machine__displacement_deg=machine["displacement_deg"])
     speed_rpm, vdc_V = given["speed_rpm"], setup["inverter.vdc_V"]
     ceiling_rpm = Parameters(**setup.machine_values()).ceiling_rpm(vdc_V)
     fast = min(1.5, OF_CEILING * ceiling_rpm / speed_rpm)
