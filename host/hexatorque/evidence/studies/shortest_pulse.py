@@ -28,6 +28,7 @@ VARIANTS: dict[str, dict[str, float]] = {
     "db-dtfc, centred": {"kappa": 0.0},
     "foc": {},
     "foc-24": {},
+    "db-ipwm": {},
 }
 #: Shortest pulses, us. The second is the boards' own.
 PULSES_US = (0.0, 2.0, 4.0)
