@@ -38,6 +38,9 @@ INERTIA = (0.7, 1.3)
 #: Largest share of harmonics 5, 7, 11, 13 in the voltage, and of the cogging torque in the rated
 #: one.
 HARMONICS, COGGING = (0.05, 0.03, 0.015, 0.01), 0.02
+#: With a longer time constant of L_xy and R_s the machine is drawn with any winding: five periods of
+#: 10 kHz, and what a sheet may be off. The laws that drive sets 0 or 60 degrees apart need them.
+ANY_WINDING_S = 6.5e-4
 #: The highest speed, over the one at which current flows once the gates are off. The drive trips
 #: at 0.95 of that one by the sheet, and the speed rises when the load drops.
 OF_CEILING = 0.75
@@ -102,7 +105,8 @@ def truth(number: int) -> WithMagnets:
     machine["cogging_Nm"] = draw.uniform(0, COGGING) * torque_Nm
     turned = true.turned_rad_s(torque_Nm, math.inf, USABLE * REACH_PU * vdc_V)
     power_kW = 1e-3 * torque_Nm * turned / true.pole_pairs
-    if number < DRAWN:
+    xy_s = new.LXY_OF_LD_RANGE[0] * machine["ld_H"] / machine["rs_ohm"]
+    if number < DRAWN and xy_s > ANY_WINDING_S:
         machine["displacement_deg"] = random.Random(f"winding {number}").choice(DISPLACEMENTS_DEG)
     name = one.name if number >= DRAWN else f"{number}: like {one.name}"
     sheet = {"current_A": current_A, "vdc_V": vdc_V, "torque_Nm": torque_Nm}
@@ -131,7 +135,8 @@ def told(true: WithMagnets) -> Told:
     text = ",".join(f"{name}={value:.4g}" for name, value in given.items())
     setup = setups.parse(new.from_magnets(text, "machine"), "machine")
     if "displacement_deg" in machine:
-        setup = setup.changed(machine__displacement_deg=machine["displacement_deg"])
+        # The scheme that drives every winding; `best` chooses again.
+        setup = setup.with_scheme("db-dtfc", machine__displacement_deg=machine["displacement_deg"])
     speed_rpm, vdc_V = given["speed_rpm"], setup["inverter.vdc_V"]
     ceiling_rpm = Parameters(**setup.machine_values()).ceiling_rpm(vdc_V)
     fast = min(1.5, OF_CEILING * ceiling_rpm / speed_rpm)
