@@ -38,8 +38,8 @@ INERTIA = (0.7, 1.3)
 #: Largest share of harmonics 5, 7, 11, 13 in the voltage, and of the cogging torque in the rated
 #: one.
 HARMONICS, COGGING = (0.05, 0.03, 0.015, 0.01), 0.02
-#: With a longer time constant of L_xy and R_s the machine is drawn with any winding: five periods of
-#: 10 kHz, and what a sheet may be off. The laws that drive sets 0 or 60 degrees apart need them.
+#: With a longer time constant of L_xy and R_s the machine is drawn with any winding: five periods
+#: of 10 kHz, and what a sheet may be off. The laws of sets 0 or 60 degrees apart need them.
 ANY_WINDING_S = 6.5e-4
 #: The highest speed, over the one at which current flows once the gates are off. The drive trips
 #: at 0.95 of that one by the sheet, and the speed rises when the load drops.
