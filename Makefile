@@ -64,11 +64,13 @@ build/host/.built: $(C_SOURCES) $(VENV)/.installed
 	$(BIN)/cmake --build --preset host
 	@touch $@
 
-# Interrupted, it goes on where it was.
+# Interrupted, it goes on where it was; the study of thd_share, some minutes, begins again.
 comparison: $(VENV)/.installed
 	$(BIN)/hexatorque evidence papers references --rivals 2 -o out/papers
 	$(BIN)/hexatorque evidence limit -o out/papers
+	$(BIN)/hexatorque evidence studies knob -o out/papers
 	$(BIN)/python tools/write_comparison.py out/papers
+	$(BIN)/python tools/write_studies.py out/papers
 
 test-c: build/host/.built
 	$(BIN)/ctest --preset host

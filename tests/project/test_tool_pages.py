@@ -135,7 +135,8 @@ def test_a_page_that_is_followed_has_its_test(page):
 @pytest.mark.parametrize(
     ("target", "script"),
     [("web", "tools/web.py"), ("dist", "tools/wheels.py"), ("test-windows", "tools/windows.py"),
-     ("bench-peers", "tools/bench_peers.py"), ("docs", "mkdocs build --strict")],
+     ("bench-peers", "tools/bench_peers.py"), ("docs", "mkdocs build --strict"),
+     ("comparison", "tools/write_comparison.py"), ("comparison", "tools/write_studies.py")],
 )  # fmt: skip
 def test_a_target_of_make_runs_its_script(target, script):
     """What these scripts do takes minutes and is tested in other rooms, or by CI."""

@@ -217,17 +217,19 @@ the mean of `ddr` is {goal} instructions: {verdict}. `hexatorque evidence budget
 shows where the instructions go.
 
 Where its positions count (`{placed}`), `{placing}` takes {smooth} in the mean and {smooth_max} at
-most; with `thd_share = 1`, whose sets decide in one interrupt, {clean} and {clean_max}. The aims
-were {aim} and {aim_max}.
+most; with `thd_share = 1`, whose sets decide in one interrupt, {clean} and {clean_max}. The aims,
+{aim} and {aim_max}, are missed: positions take 330, finding a lost leg 85 to 88 (45 to 49 where the
+law needs the x–y voltage anyway). Beside `{placing}` the other schemes take 5 to 10 more, and up to
+19 in the interrupt that changes over.
 
 The fast interrupt calls no library function{calls}; square roots are the processor's own.
 
 ## Estimate for a C28x
 **This is an estimate; nothing has run on that processor.** The build lets TI's compiler work file
 by file (`--opt_level=2`). The table has the instructions of a Cortex-M4F compiled in this way at
--O2. Those that are not branches count 1 to 1.5 cycles each; branches, calls and returns count 4 to
-7, the depth of the C28x's pipeline. The memory is assumed to have no wait states. The last columns
-are the upper estimate's share of the period at that f_isr. `{placing}` runs on `{placed}`, where
+-O2. Branches, calls and returns count 4 to 7 cycles, the depth of the C28x's pipeline, others 1 to
+1.5, without wait states. The last columns are the upper estimate's share of the period at that
+f_isr. `{placing}` runs on `{placed}`, where
 its positions count. Where less than {left:.0f} % is left, `hexatorque check` has a note.
 
 {estimates}
@@ -243,9 +245,8 @@ All three on one stack, with the {exception} bytes that each interrupt adds by i
 ## Sizes
 Bytes of core, app and C2000 driver (atmega2560: without driver; constants: with the texts of the
 parameter and channel tables), of the data of one drive, and of [XCP](xcp.md), which an image has or
-has not; compiled file by file at -O2 (atmega2560: the app at -Os). The image
-whose instructions are counted above is compiled as stated there and has {image} bytes instead of
-{image_by_file}.
+has not; compiled file by file at -O2 (atmega2560: the app at -Os). The image that is counted above,
+compiled as stated there, has {image} bytes instead of {image_by_file}.
 
 {sizes}
 """

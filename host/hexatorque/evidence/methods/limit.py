@@ -1,5 +1,5 @@
 """The limit: the least torque ripple and distortion that any pulse pattern can have at a mean
-switching frequency (docs/model.md, "The limit of all pulse patterns").
+switching frequency (docs/interleaved.md, "The limit of all pulse patterns").
 
 A pattern repeats itself while the voltage stands still. Its ripple is closed: the mean product of
 two legs' ripple volt-seconds is the sum over their edges of +-K(t_i - t_j), K = -B_4/24. Free are

@@ -82,3 +82,5 @@ def test_the_page_tells_the_steps_that_the_table_has():
     assert max(low) <= 0.03
     most = max(*ratios(0, 0.76, 0.74, 0.25, 0.4), *ratios(0, 0.74, 0.7, 0.25, 0.4))
     assert f"change Td up to {most:.1f} times" in text
+    little = ratios(0, 0.25, 0.0, 0.25, 0.25)
+    assert f"0.25 has {min(little):.2f} to {max(little):.2f} times the Td of 0" in text

@@ -273,3 +273,30 @@ def test_the_page_of_db_ipwm_tells_what_it_reaches_of_its_targets(tool, monkeypa
     ]
     mean = math.prod(over) ** (1 / len(over))
     assert f"in the mean {mean:.2f} times the limit, w = 2" in own
+
+
+def test_each_missed_target_of_db_ipwm_is_told_with_its_reason():
+    """The page leads to them; THD∞ by more than 1 %."""
+
+    def rows(name):
+        with (ROOT / "docs/data" / f"{name}.csv").open() as file:
+            return list(csv.DictReader(file))
+
+    told = {}
+    for row in rows("misses"):
+        assert row["reason"]
+        for kHz in re.findall(r"[\d.]+", row["within"]):
+            told[row["point"], kHz] = row["Td or THD∞ over the best of the others"], row["against"]
+    found = {}
+    for row in rows("targets"):
+        point = row["point"].partition(" r/min")[0] + " r/min"
+        for column, cell in row.items():
+            over = re.fullmatch(r"Td ≤ ([\d.]+) kHz over it", column)
+            if over and cell == "–":
+                found[point, over[1]] = "no setting", ""
+            elif over and float(cell) > 0.85:
+                found[point, over[1]] = f"Td {cell}", "fcs-mpc"
+        if float(row["THD∞ [%] over it"]) > 1.01:
+            found[point, "4"] = f"THD∞ {row['THD∞ [%] over it']}", "foc-24"
+    assert told == found
+    assert "](data/misses.csv)" in (ROOT / "docs/interleaved.md").read_text()
