@@ -38,6 +38,10 @@ def test_every_limit_can_be_exceeded(measured):
     cases += [(("sizes", target, what), most + 1, f"{target}, {what}")
               for target, rows in limit["sizes"].items() for what, most in rows.items()
               if target in measured["sizes"]]  # fmt: skip
+    cases += [(("mps2-an386", "magnets", s, "max"), machine["longest"][s] + 1, f"{s}, longest")
+              for s in measured["mps2-an386"]["magnets"]]  # fmt: skip
+    cases += [(("mps2-an386", "placed", n, "max"), machine["longest"][s] + 1, f"{s}, longest")
+              for n, s in enumerate(("smooth", "clean"))]  # fmt: skip
     cases += [(("c28x_estimate", s, "high_cycles"), most + 1, f"{s}, C28x cycles")
               for s, most in limit["c28x_cycles"].items()]  # fmt: skip
     assert {s for s in machine["mean"]} == {s for s in machine["max"]} == set(firmware.schemes())

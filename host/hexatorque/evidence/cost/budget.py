@@ -43,7 +43,9 @@ XCP = "link/xcp"
 C28X_CYCLES = ((1.0, 4.0), (1.5, 7.0))
 #: The scheme whose positions count from a fifth of the voltage on, and a set-up in which they do.
 PLACING, PLACED = "db-ipwm", "paper-b"
-#: Both ends of its knob, and the aims for its instructions: mean, largest.
+#: A machine with magnets, and a scheme of each law that drives it.
+MAGNETS, OF_MAGNETS = "magnet-interior", ("ddr", "db-dtfc", "foc")
+#: Both ends of the knob of PLACING, and the aims for its instructions: mean, largest.
 PLACED_SHARES, PLACED_AIMS = (0.0, 1.0), (2000, 2300)
 ESTIMATED = ("ddr", "db-dtfc", "foc", PLACING)
 #: Sampling frequencies at which the page holds the estimate against the period.
@@ -132,6 +134,7 @@ def measure(setup: Setup, progress: Progress | None = None) -> dict:
         MACHINE: {
             **instructions,
             "placed": placed(),
+            "magnets": with_magnets(),
             "stack_bytes": max(row["bytes"] for row in stacks.values()),
             "stack": stacks,
             "stack_used_bytes": used,
@@ -153,7 +156,16 @@ def placed() -> list[dict]:
     setup = setups.load(PLACED).with_scheme(
         PLACING, controller__clamp="alternating", controller__kappa_from_pu=0.0
     )
-    return count.over_shares(setup, PLACED_SHARES, MACHINE)
+    return [
+        {"thd_share": share, **count.of_a_run(setup.changed(controller__thd_share=share), MACHINE)}
+        for share in PLACED_SHARES
+    ]
+
+
+def with_magnets() -> dict[str, dict]:
+    """The instructions of a scheme of each law on a machine with magnets."""
+    setup = setups.load(MAGNETS)
+    return {scheme: count.of_a_run(setup.with_scheme(scheme), MACHINE) for scheme in OF_MAGNETS}
 
 
 def limits() -> dict:
@@ -173,6 +185,9 @@ def exceeded(result: dict, limit: dict) -> list[str]:
     for kind in ("mean", "max"):
         for scheme, most in bound[kind].items():
             hold(f"{scheme}, {kind} instructions", found[scheme][kind], most)
+    longest = {"smooth": found["placed"][0], "clean": found["placed"][1], **found["magnets"]}
+    for name, most in bound["longest"].items():
+        hold(f"{name}, longest interrupt", longest[name]["max"], most)
     for scheme, most in limit["c28x_cycles"].items():
         hold(f"{scheme}, C28x cycles", result["c28x_estimate"][scheme]["high_cycles"], most)
     ratio = found["ddr"]["mean"] / found["fdr"]["mean"]
@@ -217,10 +232,12 @@ the mean of `ddr` is {goal} instructions: {verdict}. `hexatorque evidence budget
 shows where the instructions go.
 
 Where its positions count (`{placed}`), `{placing}` takes {smooth} in the mean and {smooth_max} at
-most; with `thd_share = 1`, whose sets decide in one interrupt, {clean} and {clean_max}. The aims,
-{aim} and {aim_max}, are missed: positions take 330, finding a lost leg 85 to 88 (45 to 49 where the
-law needs the x–y voltage anyway). Beside `{placing}` the other schemes take 5 to 10 more, and up to
-19 in the interrupt that changes over.
+most; with `thd_share = 1` and clamped legs, whose sets decide in one interrupt, {clean} and
+{clean_max}. The aims, {aim} and {aim_max}, are missed: positions take 330, finding a lost leg 85 to
+88 (45 to 49 where the law needs the x–y voltage anyway). Beside `{placing}` the other schemes take
+5 to 10 more, and up to 19 in the interrupt that changes over.
+
+With magnets (`{magnets}`): {of_magnets}. The maxima are of the start, where the rotor is aligned.
 
 The fast interrupt calls no library function{calls}; square roots are the processor's own.
 
@@ -295,6 +312,11 @@ def page(result: dict, limit: dict) -> str:
         ratio=found["ddr"]["mean"] / found["fdr"]["mean"], ratio_limit=bound["ddr_over_fdr"],
         goal=goal, verdict="met" if found["ddr"]["mean"] <= goal else "not met",
         calls=f" but {', '.join(found['library_calls'])}" if found["library_calls"] else "",
+        magnets=MAGNETS,
+        of_magnets="; ".join(
+            f"`{scheme}` {row['mean']:.0f} in the mean, {row['max']} at most"
+            for scheme, row in found["magnets"].items()
+        ),
         placing=PLACING, placed=PLACED, aim=PLACED_AIMS[0], aim_max=PLACED_AIMS[1],
         smooth=f"{smooth['mean']:.0f}", smooth_max=smooth["max"],
         clean=f"{clean['mean']:.0f}", clean_max=clean["max"], left=100 - 100 * WRITTEN_WITHIN,

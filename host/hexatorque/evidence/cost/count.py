@@ -24,8 +24,8 @@ from ...setups import Setup
 if TYPE_CHECKING:
     from rich.table import Table
 
-TRACE_S = 1.0  #: duration that is replayed, from the drive's start
-LOAD_AT_S = 0.7
+#: Durations of the replay: from the flux, or the rotor's alignment, to the load; from there on.
+RUN_UP_S, LOADED_S = 0.35, 0.3
 #: Emulated time of an instruction, and of a SysTick tick.
 INSTRUCTION_S, TICK_S = 1024e-9, 1 / 25e6
 #: As in firmware/port/mps2/count_main.c.
@@ -43,6 +43,10 @@ WITHOUT_A_LEG = {
 }  # fmt: skip
 
 
+def _load_at_s(setup: Setup) -> float:
+    return setup.parameter("calibration_s") + setup.parameter("build_s") + RUN_UP_S
+
+
 def write_trace(setup: Setup, path: Path) -> np.ndarray:
     """The input of `count_main.c`; returns the telemetry channels at its end. The capture
     unit is not among the kept registers: speed by edges per time."""
@@ -50,15 +54,16 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
     sim = SimulatedDrive(setup, 1, WatchedController)
     controller = sim.controller
     assert isinstance(controller, WatchedController)
-    periods = round(TRACE_S / sim.period_s)
+    load_at_s = _load_at_s(setup)
+    periods = round((load_at_s + LOADED_S) / sim.period_s)
     controller.log.begin(periods)
     # All parameters stand before the start: the replay then is the run itself.
     sim.set("speed_ref_rpm", setup["point.speed_rpm"])
     values = np.array(list(controller.drive.params.v), "<f4")
     sim.start()
-    sim.run(LOAD_AT_S)
+    sim.run(load_at_s)
     sim.set("load_Nm", setup["point.load_Nm"])
-    sim.run(TRACE_S - LOAD_AT_S)
+    sim.run(LOADED_S)
     sim.check()
     images, columns = controller.log.images, image_names(controller)
     every = controller.fast_per_slow
@@ -132,12 +137,9 @@ def _of_a_run(setup: Setup, machine: str) -> tuple[dict, int]:
     return row, int(counts["stack"].max())
 
 
-def over_shares(setup: Setup, shares: tuple[float, ...], machine: str) -> list[dict]:
-    """The row of `instructions` for each share of distortion, of the set-up's scheme."""
-    return [
-        {"thd_share": share, **_of_a_run(setup.changed(controller__thd_share=share), machine)[0]}
-        for share in shares
-    ]
+def of_a_run(setup: Setup, machine: str) -> dict:
+    """The row of `instructions` for the set-up's scheme."""
+    return _of_a_run(setup, machine)[0]
 
 
 def instructions(
@@ -153,7 +155,7 @@ def instructions(
         result[scheme], stack_bytes = _of_a_run(setup.with_scheme(scheme), machine)
         used = max(used, stack_bytes)
         if progress:
-            progress(TRACE_S)
+            progress(_load_at_s(setup) + LOADED_S)
     with tempfile.TemporaryDirectory() as folder:  # the deepest path leads there
         without = setup.with_scheme("db-dtfc", **WITHOUT_A_LEG)
         used = max(used, int(_replay(without, machine, Path(folder))["stack"].max()))
