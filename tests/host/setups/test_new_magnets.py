@@ -68,6 +68,34 @@ def test_a_mistake_in_the_sheet_is_told_in_a_line(change, line):
     assert str(caught.value).startswith(line) and "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("displacement_deg", ["0", "30", "60"])
+@pytest.mark.parametrize(
+    "option, data",
+    [
+        ("--magnets", SURFACE),
+        ("--circuit", "pole_pairs=2,rs_ohm=1.8,rr_ohm=2,lls_H=10e-3,llr_H=15e-3,lm_H=284e-3,"
+         "current_A=6,vdc_V=300"),
+        ("--nameplate", "power_kW=7.5,voltage_V=400,current_A=7.8,frequency_Hz=50,speed_rpm=1455,"
+         "poles=4"),
+    ],
+)  # fmt: skip
+def test_the_sets_may_be_0_or_60_degrees_apart(tmp_path, option, data, displacement_deg):
+    """The scheme is one that drives them, and check finds it ready."""
+    file = str(tmp_path / "mine.toml")
+    assert main(["new", file, option, f"{data},displacement_deg={displacement_deg}"]) == 0
+    setup = setups.load(file)
+    assert setup["machine.displacement_deg"] == displacement_deg
+    assert setup.parameter("displacement_deg") == displacement_deg
+    scheme = setup["controller.scheme"]
+    findings = review.review(setup, [scheme])
+    assert review.ready_of(findings, [scheme]) == [scheme]
+
+
+def test_sets_45_degrees_apart_are_refused_in_a_line():
+    with pytest.raises(SetupError, match="^displacement_deg = '45': choose one of 30, 0, 60$"):
+        new.from_magnets(SURFACE + ",displacement_deg=45", "x")
+
+
 def test_inductances_that_are_exchanged_are_named(tmp_path, capsys):
     file = tmp_path / "mine.toml"
     exchanged = INTERIOR.replace("6.4e-3", "20e-3")
