@@ -164,7 +164,7 @@ def draw_example(name: str, begin_s: float, end_s: float, folder: Path) -> None:
     for ax, label in zip(axes, (SPEED[1], TORQUE[1], "current, A"), strict=True):
         ax.set_ylabel(label, **LABEL)
         ax.set_xlabel("time, s", **LABEL)
-    axes[0].set_title(example.title, **TITLE)
+    axes[1].set_title(example.title, **TITLE)
     save(figure, folder / f"{name}.png")
 
 
