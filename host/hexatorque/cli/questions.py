@@ -71,7 +71,8 @@ UNKNOWN = "not known"
 def ask(title: str) -> str:
     """Asks until the answers make a set-up. Returns its text."""
     click.echo(
-        "hexatorque drives six-phase machines: two sets of three phases, 30, 0 or 60 degrees apart.\n"
+        "hexatorque drives six-phase machines: two sets of three phases, 30, 0 or 60 degrees "
+        "apart.\n"
         "Enter takes the answer in [brackets]."
     )
     kind = click.prompt(

@@ -1031,7 +1031,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
     row = lib.ht_scheme_describe(firmware.schemes().index(name))
     if not lib.ht_scheme_drives(row, d.winding):
         advice = (
-            "both sets of this winding must switch alike, and its carriers do not: take db-dtfc or foc"
+            "both sets must switch alike, and under this scheme they do not: take db-dtfc or foc"
             if lib.ht_law_commands_voltage(row.law)
             else "this winding's large vectors have no x-y voltage to choose or to regulate by"
         )

@@ -554,7 +554,9 @@ BELIEFS = [
 @pytest.mark.parametrize("name, scheme, wrong", part(BELIEFS, 13))
 def test_with_wrong_parameters_it_holds(name, scheme, wrong):
     setup, factors = setups.load(name), WRONG[wrong]
-    believed = {f"controller__{n}": f * setup.parameter(n) for n, f in factors.items() if n != "deg"}
+    believed = {
+        f"controller__{n}": f * setup.parameter(n) for n, f in factors.items() if n != "deg"
+    }
     if "deg" in factors:
         start_deg = 100.0 + factors["deg"]
         believed = {"controller__rotor_start": "known", "controller__rotor_zero_deg": start_deg}

@@ -160,7 +160,8 @@ def test_what_the_winding_forbids_is_refused_in_a_line(change, told):
 
 
 @pytest.mark.parametrize(
-    "scheme, reason", [("foc-24", "carriers"), ("db-ipwm", "carriers"), ("ddr", "x-y voltage")]
+    "scheme, reason",
+    [("foc-24", "switch alike"), ("db-ipwm", "switch alike"), ("ddr", "x-y voltage")],
 )
 @pytest.mark.parametrize("displacement_deg", [0, 60])
 def test_check_gives_the_reason_of_each_scheme_that_does_not_drive_it(

@@ -95,7 +95,9 @@ def test_trajectory_is_that_of_the_coils_to_fourth_order(model, direction):
         z = model.follow(z, v_leg, 200e-6, lambda w: 0.02 * w + 1e-3 * w * abs(w)).y[:, -1]
     expected = model.plant_state(z)
     m = make(model.p)
-    final = [integrate(m, load, np.zeros(8), vsd(legs, deg), 200e-6 / n, n)[-1] for n in (1, 2, 4, 20)]
+    final = [
+        integrate(m, load, np.zeros(8), vsd(legs, deg), 200e-6 / n, n)[-1] for n in (1, 2, 4, 20)
+    ]
     errors = [np.max(np.abs(y - expected) / (np.abs(expected) + 0.1)) for y in final]
     assert direction * expected[6] > 1  # it did turn
     assert errors[-1] < 1e-8

@@ -92,7 +92,7 @@ def test_the_sets_may_be_0_or_60_degrees_apart(tmp_path, option, data, displacem
 
 
 def test_sets_45_degrees_apart_are_refused_in_a_line():
-    with pytest.raises(SetupError, match="^displacement_deg = '45': choose one of 30, 0, 60$"):
+    with pytest.raises(SetupError, match="displacement_deg = '45': choose one of 30, 0, 60"):
         new.from_magnets(SURFACE + ",displacement_deg=45", "x")
 
 
