@@ -1,6 +1,6 @@
 """Draw pictures of docs/protection.md: what the limits of the dc link change in examples/brake.toml
 and examples/dip.toml, how a ramp and a hot winding change a run, and how examples/flying.toml
-catches its shaft.
+catches its shaft. And what examples/magnet.toml and examples/symmetrical.toml show.
 
 `python tools/draw_limits.py [FOLDER]`
 """
@@ -146,12 +146,36 @@ def draw_flying(folder: Path) -> None:
     save(figure, folder / "flying.png")
 
 
+def draw_example(name: str, begin_s: float, end_s: float, folder: Path) -> None:
+    """Speed, torque and the currents of a phase and of x-y."""
+    example = hexatorque.load(ROOT / "examples" / f"{name}.toml")
+    time_s, rec = run(example)
+    part = slice(int(begin_s * rec.rate_Hz), int(end_s * rec.rate_Hz), 5)
+    time_s = time_s[part]
+    figure, (axes,) = new_figure(1, 3, 3.2)
+    axes[0].plot(time_s, rec["plant.speed_rpm"][part], color=RED, linewidth=0.9)
+    axes[1].plot(time_s, rec["plant.torque_Nm"][part], color=GREY, linewidth=0.9, label="true")
+    axes[1].plot(time_s, rec["torque_Nm"][part], color=RED, linewidth=0.5, label="estimated")
+    axes[2].plot(time_s, rec["plant.i_u1_A"][part], color=BLUE, linewidth=0.5, label="of u1")
+    xy_A = np.hypot(rec["plant.i_x_A"], rec["plant.i_y_A"])[part]
+    axes[2].plot(time_s, xy_A, color=RED, linewidth=0.9, label="in x-y, amplitude")
+    for ax in axes[1:]:
+        ax.legend(**LEGEND, loc="best")
+    for ax, label in zip(axes, (SPEED[1], TORQUE[1], "current, A"), strict=True):
+        ax.set_ylabel(label, **LABEL)
+        ax.set_xlabel("time, s", **LABEL)
+    axes[1].set_title(example.title, **TITLE)
+    save(figure, folder / f"{name}.png")
+
+
 def main(folder: Path) -> None:
     for name in EXAMPLES:
         draw_link(name, folder)
     draw_motion(folder)
     draw_heat(folder)
     draw_flying(folder)
+    draw_example("magnet", 0.0, 5.0, folder)
+    draw_example("symmetrical", 0.0, 3.0, folder)
 
 
 if __name__ == "__main__":

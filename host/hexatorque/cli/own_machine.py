@@ -35,7 +35,8 @@ def at_terminal() -> bool:
         'new mine.toml --magnets "poles=10 ke_V=47 rs_ohm=1.1 ld_H=2.1e-3 current_A=3.5 \\\n'
         '    vdc_V=60 inertia_kgm2=0.03"',
         note="Each list may also have vdc_V, inertia_kgm2, lxy_H, i_full_A, vdc_full_V, "
-        "dead_time_us, encoder_ppr, device, phases (3 shows the result of rewinding to six "
+        "dead_time_us, encoder_ppr, device, displacement_deg (30, 0 or 60 between the sets), "
+        "phases (3 shows the result of rewinding to six "
         "phases); a nameplate may have power_factor, efficiency, pull_out, "
         "connection; the others torque_Nm and speed_rpm, a circuit flux_Wb, magnets lq_H. "
         "5,5 is 5.5.",
@@ -78,14 +79,14 @@ def new(file, nameplate, circuit, magnets, force) -> int:
         text = writing.from_magnets(magnets, title)
     else:
         text = writing.from_nameplate(nameplate, title)
-    text, scheme, why, odd = writing.with_best_scheme(text, file.stem)
+    text, _, why, odd = writing.with_best_scheme(text, file.stem)
     try:
         file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise options.Mistake(f"{file}: {error.strerror}") from None
     for line in odd:
         print(f"note: {line}")
-    print(f"scheme {scheme or writing.FALLBACK}: {why}")
+    print(f"scheme {writing.scheme_of(text)}: {why}")
     print(f"{file}: complete; next: hexatorque check {shlex.quote(str(file))}")
     return 0
 

@@ -18,7 +18,7 @@ from ..setups.nameplate import ThreePhase
 
 #: What is asked, in this order. All else has its usual value, and can be changed in the file.
 FIRST = "phases"
-LAST = ("inertia_kgm2", "i_full_A", "dead_time_us", "encoder_ppr", "device")
+LAST = ("inertia_kgm2", "displacement_deg", "i_full_A", "dead_time_us", "encoder_ppr", "device")
 PLATE = (
     *(FIRST, "power_kW", "voltage_V", "current_A", "power_factor", "frequency_Hz", "speed_rpm"),
     *("poles", "efficiency", "vdc_V", *LAST),
@@ -71,7 +71,8 @@ UNKNOWN = "not known"
 def ask(title: str) -> str:
     """Asks until the answers make a set-up. Returns its text."""
     click.echo(
-        "hexatorque drives six-phase machines: two sets of three phases, 30 degrees apart.\n"
+        "hexatorque drives six-phase machines: two sets of three phases, 30, 0 or 60 degrees "
+        "apart.\n"
         "Enter takes the answer in [brackets]."
     )
     kind = click.prompt(

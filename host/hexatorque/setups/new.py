@@ -27,11 +27,15 @@ from .nameplate import FRICTION, IRON, THREE_PHASE, Nameplate, ThreePhase
 from .published import equal_leakages, machines
 from .values import SetupError
 
-#: The scheme of a set-up for which none is ready.
-FALLBACK = "ddr"
+#: The scheme of a set-up for which none is ready; of one whose sets are 0 or 60 degrees apart.
+FALLBACK, FALLBACK_ALIKE = "ddr", "db-dtfc"
 SCHEME_LINE = 'scheme = "{}"'
 
 _M = KEYS["machine"]
+
+
+#: The winding of both papers, which a set-up has without a word about it.
+PAPERS_DEG = "30"
 
 
 def _n(help: str, unit: str, low: float, high: float, default: Any = None) -> Key:
@@ -50,6 +54,7 @@ COMMON = {
     "dead_time_us": _n("dead time", "us", 1, 20, 2.0),
     "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000, default=2048),
     "device": Key("choice", "DSP", choices=DEVICES, default="f28377s"),
+    "displacement_deg": replace(_M["displacement_deg"], default=PAPERS_DEG),
 }
 NAMEPLATE = {
     "power_kW": _n("rated power at the shaft", "kW", 1e-3, 1e5),
@@ -411,6 +416,10 @@ def _text(
     def chosen(name: str, note: str) -> tuple:
         return _chosen(name, given, note)
 
+    fallback = FALLBACK
+    if given["displacement_deg"] != PAPERS_DEG:
+        fallback = FALLBACK_ALIKE
+        machine = {**machine, "displacement_deg": (int(given["displacement_deg"]), "", "")}
     sections = {
         "machine": machine,
         "inverter": {
@@ -439,7 +448,7 @@ def _text(
     known = firmware.parameters()
     for name, row in (controller or {}).items():
         lines.append(_line(name, row, Key("number", known[name].help)))
-    lines += [SCHEME_LINE.format(FALLBACK), ""]
+    lines += [SCHEME_LINE.format(fallback), ""]
     return "\n".join(lines)
 
 
@@ -466,8 +475,14 @@ def with_best_scheme(text: str, name: str) -> tuple[str, str, str, list[str]]:
     findings = review(setup, schemes)
     scheme, why = best(findings, schemes)
     why = why or none_ready(findings, schemes)
-    line = f"# {why}\n{SCHEME_LINE.format(scheme or FALLBACK)}"
-    return text.replace(SCHEME_LINE.format(FALLBACK), line), scheme, why, unusual(findings)
+    fallback = setup["controller.scheme"]
+    line = f"# {why}\n{SCHEME_LINE.format(scheme or fallback)}"
+    return text.replace(SCHEME_LINE.format(fallback), line), scheme, why, unusual(findings)
+
+
+def scheme_of(text: str) -> str:
+    """The scheme that the text of a new set-up names."""
+    return re.findall(r'^scheme = "(.*)"', text, re.MULTILINE)[-1]
 
 
 def _line(name: str, row: tuple, key: Key) -> str:

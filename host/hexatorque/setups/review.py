@@ -547,6 +547,9 @@ def _fits(d: Design) -> Iterator[Finding]:
 
 #: Of the direct current that turns the q axis to it, with the inductances 10 % off.
 MOST_TURNING = 0.8
+#: Electrical degrees by which a rotor that friction holds may rest off the current: the torque is
+#: then 2 % off; beyond the second the encoder may not show the movement (ht_alignment.c).
+WELL_ALIGNED_DEG, ALIGNED_DEG = 10.0, 30.0
 MORE_RANGE = "give the sensors more range (sensors.i_full_A)"
 
 
@@ -741,6 +744,12 @@ def _currents_of_magnets(d: Design) -> Iterator[Finding]:
         _align_A(d), MOST_TURNING * d.machine.turning_A, "A",
         "lower controller.build_current_A, or raise controller.f_isr_Hz",
     )  # fmt: skip
+    if (resists_Nm := _resists_Nm(d)) and p("rotor_start") == "align":
+        well_Nm, worst_Nm = (_aligning_Nm(d, deg) for deg in (WELL_ALIGNED_DEG, ALIGNED_DEG))
+        yield graded(
+            "torque that holds the rotor while it is aligned",
+            resists_Nm, well_Nm, worst_Nm, "N m", _aligns(d, resists_Nm),
+        )  # fmt: skip
     if swing_rad_s := d.machine.swing_rad_s(p("build_current_A")):
         swing_s = 2 * math.pi / swing_rad_s
         yield at_least(
@@ -762,6 +771,50 @@ def _currents_of_magnets(d: Design) -> Iterator[Finding]:
         0.3 * p("rs_ohm") * rated_A / (pull_rad_s * d.machine.psi_f_Wb), 0.2, "",
         "raise controller.crossover_Hz",
     )  # fmt: skip
+
+
+def _resists_Nm(d: Design) -> float:
+    """What holds or turns the shaft of a drive that aligns its rotor. Its output opens a holding
+    brake later. Friction is there from the start; of other loads only a constant one of the profile
+    acts on a shaft at rest."""
+    setup, steps = d.setup, d.setup.profile.load_Nm
+    begins_s = d.parameter("calibration_s")
+    if setup.profile.starts_later:
+        begins_s += setup.profile.command[0][0]
+    ends_s = begins_s + d.parameter("build_s")
+    loads = [value for n, (at_s, value) in enumerate(steps)
+             if at_s < ends_s and (n + 1 == len(steps) or steps[n + 1][0] > begins_s)]  # fmt: skip
+    if setup["load.kind"] == "friction" and not steps:
+        loads = [setup["point.load_Nm"]]
+    still = setup["load.kind"] in ("friction", "constant")
+    return setup["load.holding_Nm"] + still * max(map(abs, loads), default=0.0)
+
+
+def _aligning_Nm(d: Design, deg: float) -> float:
+    """The pull of the aligning current on a rotor that is so far off it."""
+    current_A, off = d.parameter("build_current_A"), math.radians(deg)
+    return d.machine.torque_Nm(current_A * math.cos(off), current_A * math.sin(off))
+
+
+def _aligns(d: Design, resists_Nm: float) -> str:
+    """The least current that aligns the rotor well enough against this torque, if one may be set:
+    3 P (psi_f - (L_q - L_d) i cos a) i sin a = T."""
+    m, off = d.machine, math.radians(WELL_ALIGNED_DEG)
+    psi_Wb, saliency_H = m.psi_f_Wb, (m.lq_H - m.ld_H) * math.cos(off)
+    needed_Wb = resists_Nm / (3 * m.pole_pairs * math.sin(off))
+    root_Wb = math.sqrt(max(0.0, psi_Wb**2 - 4 * saliency_H * needed_Wb))
+    least_A = 2 * needed_Wb / (psi_Wb + root_Wb)
+    other = "free the shaft, or tell the angle (controller.rotor_start)"
+    most_A = min(d.parameter("i_trip_A"), MOST_TURNING * m.turning_A) - d.align_step_A
+    if 4 * saliency_H * needed_Wb > psi_Wb**2 or least_A > most_A:
+        return f"no current within the limits aligns this rotor well: {other}"
+    return f"set controller.build_current_A = {_up(least_A)} at least, or {other}"
+
+
+def _up(value: float) -> str:
+    """Three digits, not below the value."""
+    digit = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return f"{math.ceil(value / digit) * digit:.3g}"
 
 
 def _loops(d: Design) -> Iterator[Finding]:
@@ -977,7 +1030,11 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
     p, lib = d.parameter, firmware.lib
     row = lib.ht_scheme_describe(firmware.schemes().index(name))
     if not lib.ht_scheme_drives(row, d.winding):
-        advice = "this winding's large vectors have no x-y voltage to choose or to regulate by"
+        advice = (
+            "both sets must switch alike, and under this scheme they do not: take db-dtfc or foc"
+            if lib.ht_law_commands_voltage(row.law)
+            else "this winding's large vectors have no x-y voltage to choose or to regulate by"
+        )
         yield Finding(f"displacement_deg {p('displacement_deg')}", 0.0, "", 0.0, "", "bad", advice)
         return
     yield from _interrupt(d, name)

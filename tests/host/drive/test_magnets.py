@@ -6,6 +6,7 @@ import at_point
 import numpy as np
 import pytest
 from at_point import SAMPLES, at
+from campaigns import part
 from waiting import started
 
 from hexatorque import setups
@@ -532,23 +533,45 @@ def test_the_fifth_harmonic_in_xy_is_small_with_feed_forward(scheme):
     assert np.hypot(fifth, seventh) < 0.1 * design.rated_A
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"psi_f_Wb": 0.9}, {"psi_f_Wb": 1.1}, {"rs_ohm": 0.7}, {"rs_ohm": 1.3},
-        {"sigma_ls_H": 1.3, "ld_H": 1.3}, {"sigma_ls_H": 0.75, "ld_H": 0.75},
-    ],
-    ids=str,
-)  # fmt: skip
-def test_with_wrong_parameters_it_holds(wrong):
-    setup = setups.load("magnet-interior").with_scheme("db-dtfc")
-    believed = {f"controller__{n}": f * setup.parameter(n) for n, f in wrong.items()}
-    drive, design = begun("magnet-interior", "db-dtfc", **believed)
+#: What the drive believes: factors of parameters, or degrees that a known angle is off.
+WRONG = {
+    "psi_f -10 %": {"psi_f_Wb": 0.9}, "psi_f +10 %": {"psi_f_Wb": 1.1},
+    "R_s -30 %": {"rs_ohm": 0.7}, "R_s +30 %": {"rs_ohm": 1.3},
+    "L -30 %": {"sigma_ls_H": 0.7, "ld_H": 0.7}, "L +30 %": {"sigma_ls_H": 1.3, "ld_H": 1.3},
+    "L_q -30 %": {"sigma_ls_H": 0.7}, "angle -5": {"deg": -5.0}, "angle +5": {"deg": 5.0},
+}  # fmt: skip
+#: A law of each kind of scheme that is ready on the machine.
+LAWS = (("magnet-interior", "db-dtfc"), ("magnet-surface", "ddr"), ("magnet-24v", "foc"))
+#: L_q below L_d is refused, so L_q alone is wrong where it is larger.
+BELIEFS = [
+    (name, scheme, wrong)
+    for name, scheme in LAWS
+    for wrong in WRONG
+    if wrong != "L_q -30 %" or name == "magnet-interior"
+]
+
+
+@pytest.mark.parametrize("name, scheme, wrong", part(BELIEFS, 13))
+def test_with_wrong_parameters_it_holds(name, scheme, wrong):
+    setup, factors = setups.load(name), WRONG[wrong]
+    believed = {
+        f"controller__{n}": f * setup.parameter(n) for n, f in factors.items() if n != "deg"
+    }
+    if "deg" in factors:
+        start_deg = 100.0 + factors["deg"]
+        believed = {"controller__rotor_start": "known", "controller__rotor_zero_deg": start_deg}
+    drive, design = begun(name, scheme, **believed)
     for speed_pu, load_pu in ((0.03, 0.9), (0.3, 0.9), (0.95, 0.8)):
         rec = at(drive, design, speed_pu, load_pu)
         assert drive.state == "run", drive.trip
         error = rec["torque_Nm"].mean() - rec["plant.torque_Nm"].mean()
         assert abs(error) < 0.11 * design.rated_Nm
+
+
+def test_an_inductance_across_that_is_below_the_one_along_is_refused():
+    surface = setups.load("magnet-surface")
+    with pytest.raises(SetupError, match="with magnets L_d may not be above L_q"):
+        surface.changed(controller__sigma_ls_H=0.7 * surface.parameter("sigma_ls_H"))
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def begun(name, displacement_deg, scheme, **more):
 @pytest.mark.parametrize("name, displacement_deg, scheme", DRIVES)
 def test_no_current_in_xy_and_the_torque_is_known(name, displacement_deg, scheme):
     """3, 30 and 90 % of rated speed, both signs of torque. The x-y current stays below 0.02 of the
-    rated amplitude. Estimated torque within 2 % of rated torque, speed within 0.5 %."""
+    rated amplitude. Estimated torque within 1.5 % of rated torque, speed within 0.5 %."""
     drive, design = begun(name, displacement_deg, scheme)
     for speed_pu, load_pu in ((0.03, 1), (0.3, -1), (0.9, 0.9), (-0.9, 0.4)):
         rec = at(drive, design, speed_pu, load_pu, SETTLE_S)
@@ -47,7 +47,7 @@ def test_no_current_in_xy_and_the_torque_is_known(name, displacement_deg, scheme
         xy_A = np.hypot(rec["plant.i_x_A"], rec["plant.i_y_A"])
         assert np.sqrt(np.mean(xy_A**2)) < 0.02 * design.rated_A, (speed_pu, load_pu)
         true, seen = rec["plant.torque_Nm"].mean(), rec["torque_Nm"].mean()
-        assert abs(seen - true) < 0.02 * design.rated_Nm, (speed_pu, load_pu, true, seen)
+        assert abs(seen - true) < 0.015 * design.rated_Nm, (speed_pu, load_pu, true, seen)
         off = rec["plant.speed_rpm"].mean() - speed_pu * design.rated_rpm
         assert abs(off) < 0.005 * design.rated_rpm
     assert drive.gate_mistake == ""
@@ -157,6 +157,21 @@ def test_what_the_winding_forbids_is_refused_in_a_line(change, told):
     with pytest.raises(InputError) as error:
         setups.load("symmetrical").changed(change)
     assert told in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "scheme, reason",
+    [("foc-24", "switch alike"), ("db-ipwm", "switch alike"), ("ddr", "x-y voltage")],
+)
+@pytest.mark.parametrize("displacement_deg", [0, 60])
+def test_check_gives_the_reason_of_each_scheme_that_does_not_drive_it(
+    displacement_deg, scheme, reason
+):
+    from hexatorque.setups.review import review
+
+    setup = setups.load("symmetrical").changed(machine__displacement_deg=displacement_deg)
+    (found,) = (f for f in review(setup, [scheme]) if f.scheme == scheme)
+    assert found.verdict == "bad" and reason in found.advice
 
 
 def test_only_schemes_that_drive_the_winding_are_ready():

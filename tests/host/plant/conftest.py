@@ -3,6 +3,7 @@
 enters its equations of motion; `state` translates its fluxes to the plant's state.
 """
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -11,34 +12,47 @@ from scipy.integrate import solve_ivp
 
 from hexatorque.plant.machines.induction import Parameters
 
-ANGLE = np.deg2rad([0.0, 30.0, 120.0, 150.0, 240.0, 270.0])
-DELTA = ANGLE[:, None] - ANGLE
-COS_DELTA = np.cos(DELTA)
 #: Phase currents from those of u1, u2, w1, w2: each set's sum is zero.
 FREE = np.vstack([np.eye(4), [[-1, 0, -1, 0], [0, -1, 0, -1]]])
-VSD = np.array([np.cos(ANGLE), np.sin(ANGLE), np.cos(5 * ANGLE), np.sin(5 * ANGLE)]) / 3
 
 
 def turn(angle):
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-class PhaseModel:
-    #: Coil currents of the rotor from its alpha and beta current, at angle 0.
-    rotor = 3 * VSD[:2].T
+def angles(displacement_deg=30.0):
+    """Where the coils of u1 u2 w1 w2 v1 v2 lie: set 1 at 0, 120, 240 degrees, set 2 ahead of it."""
+    return np.deg2rad([0, 0, 120, 120, 240, 240] + displacement_deg * np.array([0, 1] * 3))
 
+
+def decomposed(displacement_deg=30.0):
+    """(4, 6): alpha, beta, x, y of the phases by the space vectors s1, s2 of the two sets, with
+    alpha + j beta = (s1 + s2)/2 and x - j y = (s1 - s2)/2."""
+    axes = 2 / 3 * np.exp(1j * angles(displacement_deg))
+    of_sets = [axes * (np.arange(6) % 2 == k) for k in (0, 1)]
+    ab, xy = 0.5 * (of_sets[0] + of_sets[1]), 0.5 * np.conj(of_sets[0] - of_sets[1])
+    return np.array([ab.real, ab.imag, xy.real, xy.imag])
+
+
+class PhaseModel:
     def __init__(self, p, free=FREE):
         self.p = p
         self.free = free
+        angle = angles(p.displacement_deg)
+        self.delta = angle[:, None] - angle
+        self.vsd = decomposed(p.displacement_deg)
+        #: Coil currents of the rotor from its alpha and beta current, at angle 0.
+        self.rotor = 3 * self.vsd[:2].T
+        cosine = np.cos(self.delta)
         # Diagonal if the x-y plane has the leakage of the alpha-beta plane.
-        leakage = p.lxy_H * np.eye(6) + (p.lls_H - p.lxy_H) / 3 * COS_DELTA
-        self.l_stator = p.lm_H / 3 * COS_DELTA + leakage + np.diag(p.dlls_H)
-        self.l_rotor = p.lm_H / 3 * COS_DELTA + p.llr_H * np.eye(6)
+        leakage = p.lxy_H * np.eye(6) + (p.lls_H - p.lxy_H) / 3 * cosine
+        self.l_stator = p.lm_H / 3 * cosine + leakage + np.diag(p.dlls_H)
+        self.l_rotor = p.lm_H / 3 * cosine + p.llr_H * np.eye(6)
         self.r_stator = p.rs_ohm + np.array(p.drs_ohm)
 
     def mutual(self, theta_e):
         """(stator coil, rotor coil)"""
-        return self.p.lm_H / 3 * np.cos(DELTA - theta_e)
+        return self.p.lm_H / 3 * np.cos(self.delta - theta_e)
 
     def inductance(self, theta_e):
         m = self.mutual(theta_e)
@@ -52,14 +66,14 @@ class PhaseModel:
         return basis.T @ self.inductance(theta_e) @ basis
 
     def torque(self, i_s, i_r, theta_e):
-        return self.p.pole_pairs * i_s @ (self.p.lm_H / 3 * np.sin(DELTA - theta_e)) @ i_r
+        return self.p.pole_pairs * i_s @ (self.p.lm_H / 3 * np.sin(self.delta - theta_e)) @ i_r
 
     def state(self, i_s, i_r, omega, theta):
         """The plant's state for these coil currents."""
         theta_e = self.p.pole_pairs * theta
         flux = self.inductance(theta_e) @ np.concatenate([i_s, i_r])
-        rotor = turn(theta_e) @ VSD[:2] @ flux[6:]
-        return np.concatenate([VSD @ flux[:6], rotor, [omega, theta]])
+        rotor = turn(theta_e) @ self.vsd[:2] @ flux[6:]
+        return np.concatenate([self.vsd @ flux[:6], rotor, [omega, theta]])
 
     @cached_property
     def fluxes_of_currents(self):
@@ -115,6 +129,14 @@ MACHINES = {
         dlls_H=(3e-3, 0.0, -2e-3, 1e-3, 5e-3, -4e-3),
     ),
 }  # fmt: skip
+#: The same windings with other displacements of set 2.
+MACHINES |= {
+    f"{name}, {displacement_deg} degrees": replace(
+        MACHINES[name], displacement_deg=float(displacement_deg)
+    )
+    for name in ("other x-y", "asymmetric")
+    for displacement_deg in (0, 60)
+}
 
 
 @pytest.fixture(params=MACHINES)

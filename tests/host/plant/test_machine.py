@@ -17,36 +17,39 @@ from hexatorque.plant.record import record
 VDC = 300.0
 
 
-def vsd(legs):
-    """alpha, beta, x, y of phase quantities, written out."""
-    angles = np.radians([0, 30, 120, 150, 240, 270])
-    rows = [f(n * angles) for n in (1, 5) for f in (np.cos, np.sin)]
+def vsd(legs, displacement_deg=30.0):
+    """alpha, beta, x, y of phase quantities, written out: the papers' rows for 30 degrees, else
+    the sum of both sets' space vectors and the conjugate of their difference, halved."""
+    turned = np.array([0, 1] * 3)
+    angles = np.radians([0, 0, 120, 120, 240, 240] + displacement_deg * turned)
+    other = 5 * angles if displacement_deg == 30 else np.pi * turned - angles
+    rows = [f(a) for a in (angles, other) for f in (np.cos, np.sin)]
     return np.asarray(legs) @ np.array(rows).T / 3
 
 
-def random_currents(rng):
+def random_currents(rng, displacement_deg):
     i_s = rng.normal(0, 5, 6)
     i_s[::2] -= i_s[::2].mean()
     i_s[1::2] -= i_s[1::2].mean()
     # Any rotor current with an alpha-beta part only, because the stator induces no other.
-    angles = np.radians([0, 30, 120, 150, 240, 270])
+    angles = np.radians([0, 0, 120, 120, 240, 240] + displacement_deg * np.array([0, 1] * 3))
     i_r = np.cos(angles) * rng.normal(0, 5) + np.sin(angles) * rng.normal(0, 5)
     return i_s, i_r
 
 
 def test_currents_torque_and_slopes_agree_with_the_coils(model):
     rng = np.random.default_rng(1)
-    m = make(model.p)
+    m, deg = make(model.p), model.p.displacement_deg
     for _ in range(20):
-        i_s, i_r = random_currents(rng)
+        i_s, i_r = random_currents(rng, deg)
         omega, theta = rng.normal(0, 100), rng.uniform(-9, 9)
         v_leg = VDC * rng.integers(0, 2, 6)
         y = model.state(i_s, i_r, omega, theta)
         k, i_leg, i = np.empty(8), np.empty(6), np.empty(4)
-        torque = instant(m, NO_LOAD, y, vsd(v_leg), k, i_leg, i)
+        torque = instant(m, NO_LOAD, y, vsd(v_leg, deg), k, i_leg, i)
         theta_e = model.p.pole_pairs * theta
         np.testing.assert_allclose(i_leg, i_s, atol=1e-11)
-        np.testing.assert_allclose(i, vsd(i_s), atol=1e-11)
+        np.testing.assert_allclose(i, vsd(i_s, deg), atol=1e-11)
         assert torque == pytest.approx(model.torque(i_s, i_r, theta_e), rel=1e-10, abs=1e-10)
         # For the slopes, take the coils' fluxes a little earlier and later as plant states.
         slopes = model.flux_slopes(i_s, i_r, v_leg)
@@ -72,17 +75,18 @@ def test_response_of_phase_currents_to_leg_voltages(model):
     np.testing.assert_allclose(make(model.p).g_leg, expected, atol=1e-9)
 
 
-def switched(direction):
+def switched(direction, displacement_deg=30.0):
     """20 ms of a rotating active state, 50 Hz, 200 us each, every third one a zero state."""
     steps = np.arange(100)
-    angles = np.radians([0, 30, 120, 150, 240, 270])
+    angles = np.radians([0, 0, 120, 120, 240, 240] + displacement_deg * np.array([0, 1] * 3))
     turning = direction * 2 * np.pi * 50 * 200e-6 * steps[:, None]
     return VDC * (np.cos(turning - angles) > 0) * (steps % 3 > 0)[:, None]
 
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_trajectory_is_that_of_the_coils_to_fourth_order(model, direction):
-    legs = switched(direction)
+    deg = model.p.displacement_deg
+    legs = switched(direction, deg)
     load = record(LOAD, **{n: 0.0 for n in LOAD.names} | {
         "linear_Nms": 0.02, "quadratic_Nms2": 1e-3, "eddy_rad_s": 1.0,
     })  # fmt: skip
@@ -91,7 +95,9 @@ def test_trajectory_is_that_of_the_coils_to_fourth_order(model, direction):
         z = model.follow(z, v_leg, 200e-6, lambda w: 0.02 * w + 1e-3 * w * abs(w)).y[:, -1]
     expected = model.plant_state(z)
     m = make(model.p)
-    final = [integrate(m, load, np.zeros(8), vsd(legs), 200e-6 / n, n)[-1] for n in (1, 2, 4, 20)]
+    final = [
+        integrate(m, load, np.zeros(8), vsd(legs, deg), 200e-6 / n, n)[-1] for n in (1, 2, 4, 20)
+    ]
     errors = [np.max(np.abs(y - expected) / (np.abs(expected) + 0.1)) for y in final]
     assert direction * expected[6] > 1  # it did turn
     assert errors[-1] < 1e-8
@@ -132,16 +138,16 @@ def test_steady_state_is_that_of_the_equivalent_circuit(symmetric, slip, directi
 
 def test_energy_is_conserved(model):
     """Field and kinetic energy from the coils, powers from the plant's own torque."""
-    legs, p = switched(1), model.p
-    m = make(p)
+    p, deg = model.p, model.p.displacement_deg
+    legs, m = switched(1, deg), make(p)
     load = record(LOAD, **{n: 0.0 for n in LOAD.names} | {"linear_Nms": 0.05, "eddy_rad_s": 1.0})
     steps, dt = 20, 10e-6  # the steps of each switching state; Simpson's rule over pairs
-    y0 = integrate(m, load, np.zeros(8), vsd(legs), dt, steps)[-1]
-    states = np.vstack([y0, integrate(m, load, y0, vsd(legs), dt, steps)])
+    y0 = integrate(m, load, np.zeros(8), vsd(legs, deg), dt, steps)[-1]
+    states = np.vstack([y0, integrate(m, load, y0, vsd(legs, deg), dt, steps)])
 
     def powers(y, v_leg):
         i_s, i_r = model.currents(y)
-        torque = torque_Nm(m, y, vsd(i_s))
+        torque = torque_Nm(m, y, vsd(i_s, deg))
         copper = model.r_stator @ i_s**2 + p.rr_ohm * i_r @ i_r
         taken = (p.viscous_Nms + 0.05) * y[6] ** 2
         return np.array([v_leg @ i_s, copper, torque * y[6], taken])

@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from waiting import started
 
 from hexatorque import setups
 from hexatorque.cli.main import main
+from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.experiments.acceptance import accept
 from hexatorque.setups import SetupError, keys, new, review
 from hexatorque.setups.design import Design
@@ -64,6 +66,34 @@ def test_a_mistake_in_the_sheet_is_told_in_a_line(change, line):
     with pytest.raises(SetupError) as caught:
         new.from_magnets(text, "x")
     assert str(caught.value).startswith(line) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("displacement_deg", ["0", "30", "60"])
+@pytest.mark.parametrize(
+    "option, data",
+    [
+        ("--magnets", SURFACE),
+        ("--circuit", "pole_pairs=2,rs_ohm=1.8,rr_ohm=2,lls_H=10e-3,llr_H=15e-3,lm_H=284e-3,"
+         "current_A=6,vdc_V=300"),
+        ("--nameplate", "power_kW=7.5,voltage_V=400,current_A=7.8,frequency_Hz=50,speed_rpm=1455,"
+         "poles=4"),
+    ],
+)  # fmt: skip
+def test_the_sets_may_be_0_or_60_degrees_apart(tmp_path, option, data, displacement_deg):
+    """The scheme is one that drives them, and check finds it ready."""
+    file = str(tmp_path / "mine.toml")
+    assert main(["new", file, option, f"{data},displacement_deg={displacement_deg}"]) == 0
+    setup = setups.load(file)
+    assert setup["machine.displacement_deg"] == displacement_deg
+    assert setup.parameter("displacement_deg") == displacement_deg
+    scheme = setup["controller.scheme"]
+    findings = review.review(setup, [scheme])
+    assert review.ready_of(findings, [scheme]) == [scheme]
+
+
+def test_sets_45_degrees_apart_are_refused_in_a_line():
+    with pytest.raises(SetupError, match="displacement_deg = '45': choose one of 30, 0, 60"):
+        new.from_magnets(SURFACE + ",displacement_deg=45", "x")
 
 
 def test_inductances_that_are_exchanged_are_named(tmp_path, capsys):
@@ -164,6 +194,60 @@ def test_check_says_that_an_aligning_current_turns_the_rotor_away(salient):
     subject = "current that aligns the rotor, and its ripple, which must not turn the q axis there"
     found = [f.verdict for f in review.review(high, ["foc"]) if f.subject == subject]
     assert found == ["bad"]
+
+
+HOLDS = "torque that holds the rotor while it is aligned"
+DRY = {"load.kind": "friction", "point.load_Nm": 1.0, "controller.build_current_A": 0.6}
+
+
+def holds(setup):
+    return [f for f in review.review(setup, ["foc"]) if f.subject == HOLDS]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        DRY,
+        {"load.holding_Nm": 1.0, "controller.build_current_A": 0.6},
+        {"profile.load_Nm": [[0, 1.0]], "load.kind": "friction", "controller.build_current_A": 0.6},
+    ],
+)
+def test_check_says_that_an_aligning_current_does_not_beat_friction_or_a_brake(changes):
+    """0.6 A pull surface magnets with 3 P psi_f i sin 30 = 0.33 N m. The named current leaves a
+    rotor against 1 N m within 10 degrees: 3 P psi_f i sin 10."""
+    setup = setups.load("magnet-surface").changed(changes)
+    (found,) = holds(setup)
+    pull_Nm = 3 * 5 * 0.0734 * 0.6 * 0.5
+    assert found.verdict == "bad" and found.value == 1.0
+    assert found.limit == pytest.approx(pull_Nm, rel=1e-3)
+    least_A = 1 / (3 * 5 * 0.0734 * math.sin(math.radians(10)))
+    assert f"build_current_A = {math.ceil(100 * least_A) / 100:g} at least" in found.advice
+    (found,) = holds(setup.changed(controller__build_current_A=1.01 * least_A))
+    assert found.verdict == "ok"
+    (found,) = holds(setup.changed(controller__build_current_A=0.5 * least_A))
+    assert found.verdict == "note"
+    assert holds(setup.changed(controller__rotor_start="known")) == []
+
+
+def test_a_rotor_that_friction_holds_too_much_for_every_current_is_told_another_start():
+    setup = setups.load("magnet-interior").changed({**DRY, "point.load_Nm": 20.0})
+    (found,) = holds(setup)
+    assert found.verdict == "bad" and found.advice.startswith("no current within the limits")
+    assert "controller.rotor_start" in found.advice
+
+
+def test_a_current_that_friction_beats_is_refused_by_the_drive():
+    """The same case, simulated: the encoder does not show the movement."""
+    changes = {**DRY, "machine.start_deg": -170.0, "controller.scheme": "ddr"}
+    drive = SimulatedDrive(setups.load("magnet-surface").changed(changes), 1)
+    drive.set("load_Nm", 1.0)
+    started(drive)
+    assert drive.faults == ["encoder against flux speed"]
+
+
+@pytest.mark.parametrize("name", ["magnet-surface", "magnet-interior", "magnet-24v"])
+def test_nothing_holds_the_rotor_of_a_built_in_machine(name):
+    assert holds(setups.load(name)) == []
 
 
 def test_a_load_that_drops_does_not_take_a_light_shaft_to_the_speed_trip():
