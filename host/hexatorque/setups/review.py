@@ -31,7 +31,17 @@ from .derived import (
     standing_leg_W,
     write_delay_us,
 )
-from .design import PULL_OUT_SHARE, REACH_PU, SPEED_HELD, USABLE, Demand, Design, rad_s
+from .design import (
+    PULL_OUT_SHARE,
+    REACH_PU,
+    SPEED_HELD,
+    USABLE,
+    VECTOR_PU,
+    Demand,
+    Design,
+    rad_s,
+    rpm,
+)
 from .doubts import judged
 from .estimate import MAIN_OVER_LEAKAGE, PRODUCT, published_kW, usual
 from .finding import NOT_READY, Finding
@@ -817,12 +827,24 @@ def _speed(d: Design) -> Iterator[Finding]:
         "largest load of point and profile", d.asked_Nm, p("torque_limit_Nm"), "N m",
         "raise controller.torque_limit_Nm, or ask for less",
     )  # fmt: skip
-    weak_rpm = d.base_rpm(d.reach_pu(REACH_PU, by_table=True)) * d.flux_Wb / p("flux_min_Wb")
     if p("field_weakening") == "on":
-        yield at_least(
-            "end of field weakening", weak_rpm, d.rated_rpm, "r/min",
-            "lower controller.flux_min_Wb, or raise inverter.vdc_V",
-        )  # fmt: skip
+        yield _end_of_weakening(d)
+
+
+def _end_of_weakening(d: Design) -> Finding:
+    """The speed at which the least flux takes the usable voltage, with as much of it for the load
+    as rated torque takes. A light load leaves all of the voltage for the flux."""
+    weaker = d.flux_Wb / d.parameter("flux_min_Wb")
+    loaded_rpm = weaker * d.base_rpm(d.reach_pu(REACH_PU, by_table=True))
+    unloaded_rpm = rpm(weaker * VECTOR_PU * d.vdc_V / d.flux_Wb / d.machine.pole_pairs)
+    fastest_rpm = max(d.fastest_rpm, d.rated_rpm)
+    reached = d.rated_rpm <= loaded_rpm and fastest_rpm <= unloaded_rpm
+    more = "lower controller.flux_min_Wb, raise inverter.vdc_V, or ask for less speed"
+    return at_least(
+        "end of field weakening", loaded_rpm, fastest_rpm, "r/min",
+        f"only little load lets the drive go faster: {more}" if reached else more,
+        "note" if reached else "bad",
+    )  # fmt: skip
 
 
 def _link(d: Design) -> Iterator[Finding]:

@@ -69,6 +69,24 @@ def test_a_profile_above_the_trip_is_bad():
     ] == ("bad")
 
 
+@pytest.mark.parametrize(
+    ("speed_rpm", "verdict"), [(7000, "ok"), (8000, "note"), (9100, "bad"), (20000, "bad")]
+)
+@pytest.mark.parametrize("asks", ("point", "profile"))
+def test_a_speed_that_the_least_flux_does_not_allow_is_bad(asks, speed_rpm, verdict):
+    """Field weakening ends where the least flux, 20 %, takes the voltage: the drive stops at
+    8792 r/min without a load."""
+    text = new.from_nameplate(PLATE, "x")
+    if asks == "profile":
+        text += f"\n[profile]\nduration_s = 3\nspeed_rpm = [[1, {speed_rpm}]]\n"
+    setup = setups.parse(text, "x")
+    if asks == "point":
+        setup = setup.changed(point__speed_rpm=float(speed_rpm))
+    (found,) = (f for f in review(setup, []) if f.subject == "end of field weakening")
+    assert found.verdict == verdict and found.limit == speed_rpm
+    assert ("ask for less" in found.advice) == (verdict != "ok")
+
+
 PROFILE = "[profile]\nduration_s = 3\nspeed_rpm = [[0.5, 2000]]\nload_Nm = [[1, 6]]\n"
 
 
