@@ -246,7 +246,11 @@ def _believable_losses(plate: Nameplate) -> None:
     most = power_W / (power_W + least_W)  # the efficiency
     factor = plate.power_factor or (plate.efficiency and plate.product / plate.efficiency)
     both = plate.efficiency * plate.power_factor  # where they contradict, `split` says so
-    if not factor or plate.product / factor < most or (both and abs(both / plate.product - 1) > 0.05):
+    if (
+        not factor
+        or plate.product / factor < most
+        or (both and abs(both / plate.product - 1) > 0.05)
+    ):
         return
     low = math.ceil(1000 * plate.product / most) / 1000
     if plate.power_factor:

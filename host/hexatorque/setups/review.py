@@ -43,7 +43,7 @@ from .design import (
     rad_s,
     rpm,
 )
-from .doubts import judged
+from .doubts import MEASURED_BY, judged
 from .estimate import MAIN_OVER_LEAKAGE, PRODUCT, published_kW, rotor_kgm2, speed_of, typical, usual
 from .finding import NOT_READY, Finding
 from .keys import ESTIMATED, KEYS
@@ -252,7 +252,8 @@ def refuse_impossible(setup: Setup) -> None:
     """SetupError with a line for each mistake: numbers that no machine has."""
     design = Design(setup, parameters(setup).__getitem__)
     checked = _of_magnets(design) if design.magnets else _believable(design)
-    lines, named = [], set()
+    lines: list[str] = []
+    named: set[str] = set()
     for f in checked:
         keys = re.findall(r"(?:machine|rated|inverter|controller)\.\w+", f.advice)
         if f.verdict == "bad" and not named & set(keys[:1]):
@@ -371,8 +372,8 @@ def _stated_torque(d: Design) -> Iterator[Finding]:
     fits_Nm = d.torque_of_current_Nm(math.sqrt(2) * current_A) or USUAL_TORQUE * most_Nm
     ratio = torque_Nm / most_Nm
     advice = (
-        f"about {fits_Nm:.2g} N m fit: check rated.torque_Nm = {torque_Nm:g}, and rated.current_A = "
-        f"{current_A:g} (an rms value)"
+        f"about {fits_Nm:.2g} N m fit: check rated.torque_Nm = {torque_Nm:g}, and "
+        f"rated.current_A = {current_A:g} (an rms value)"
     )
     if ratio < LEAST_TORQUE:
         yield at_least(TORQUE, ratio, LEAST_TORQUE, "", advice, "note")
@@ -545,9 +546,10 @@ def outcome(
     for kind, of in (("doubtful", doubtful), ("not", wrong)):
         reasons: dict[str, list[str]] = {}
         for scheme, f in of.items():
-            reasons.setdefault(f.what, []).append(scheme)
+            reasons.setdefault(f.subject, []).append(scheme)
         for names in reasons.values():
-            parts.append(f"{kind}: {', '.join(names)}, because {_why(of[names[0]])}")
+            why = _one_reason([of[scheme] for scheme in names])
+            parts.append(f"{kind}: {', '.join(names)}, because {why}")
     possible = (*ready, *doubtful)
     if own in wrong and best_one:
         step = f'set controller.scheme = "{best_one}", {again}'
@@ -557,6 +559,24 @@ def outcome(
         most = [scheme for scheme in (own, best_one, *possible) if scheme in possible][:4]
         step = f"hexatorque compare --setup {name} --schemes {','.join(dict.fromkeys(most))}"
     return Outcome(ready, doubtful, wrong, "; ".join([*parts, f"next: {step}"]))
+
+
+def _one_reason(same: list[Finding]) -> str:
+    """Of findings of one subject: each has its own numbers, which the table has."""
+    whys = list(dict.fromkeys(map(_why, same)))
+    if len(whys) == 1:
+        return whys[0]
+    decides = dict.fromkeys(key for f in same for key in re.findall(r"machine\.\w+", f.runs))
+    beyond = "above" if same[0].sign == "<=" else "below"
+    if any(f.verdict == "bad" for f in same):
+        return f"{same[0].subject} is {beyond} its limit (--all has the numbers)"
+    may = f"{same[0].subject} may be {beyond} its limit"
+    if not decides:
+        return f"{may} (--all has the numbers)"
+    verb, measured = "decides", MEASURED_BY
+    if len(decides) > 1:
+        verb, measured = "decide", MEASURED_BY.replace(" it", " them")
+    return f"{may}: {' and '.join(decides)} {verb} (--all has the numbers, {measured})"
 
 
 def _first_of(findings: list[Finding], schemes: list[str]) -> dict[str, Finding]:

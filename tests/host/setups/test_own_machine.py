@@ -417,3 +417,9 @@ def test_what_was_typed_is_named_with_the_range_that_fits(name, wrong):
     for value in (float(low) + 1e-3, float(high)):
         new.from_nameplate(f"{PLATE},{name}={value}", "x")
     assert wrong[1] > float(high) or wrong[1] < float(low)
+
+
+def test_new_says_that_a_power_factor_would_narrow_the_ranges(tmp_path, capsys):
+    for more, told in (("", 1), (",power_factor=0.8", 0), (",efficiency=0.87", 0)):
+        assert main(["new", str(tmp_path / "x.toml"), "--force", "--nameplate", PLATE + more]) == 0
+        assert capsys.readouterr().out.count("the plate has no power_factor: ") == told
