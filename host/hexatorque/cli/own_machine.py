@@ -86,6 +86,8 @@ def new(file, nameplate, circuit, magnets, force) -> int:
         raise options.Mistake(f"{file}: {error.strerror}") from None
     for line in odd:
         print(f"note: {line}")
+    if f"# {writing.NO_FACTOR}" in text:
+        print("the plate has no power_factor: with it the ranges of R_s and L_m are narrower")
     print(f"scheme {writing.scheme_of(text)}: {why}")
     print(f"{file}: complete; next: hexatorque check {shlex.quote(str(file))}")
     return 0

@@ -234,6 +234,35 @@ def _believable(plate: Nameplate, of: Typical) -> None:
             f"{2 * plate.pole_pairs} poles is a slip of {100 * slip:.2g} %, usual for this power "
             f"is {100 * usual:.2g} %: speed_rpm = {synchronous_rpm * (1 - usual):.0f} would fit"
         )
+    _believable_losses(plate)
+
+
+def _believable_losses(plate: Nameplate) -> None:
+    """The rotor's loss, which the slip tells, against all of them, which efficiency or power factor
+    tell."""
+    slip, power_W = slip_of(plate), 1e3 * plate.power_kW
+    share = 1 - plate.friction - slip * plate.friction / (1 - slip)
+    least_W = slip * power_W / (1 - slip) / share
+    most = power_W / (power_W + least_W)  # the efficiency
+    factor = plate.power_factor or (plate.efficiency and plate.product / plate.efficiency)
+    both = plate.efficiency * plate.power_factor  # where they contradict, `split` says so
+    if (
+        not factor
+        or plate.product / factor < most
+        or (both and abs(both / plate.product - 1) > 0.05)
+    ):
+        return
+    low = math.ceil(1000 * plate.product / most) / 1000
+    if plate.power_factor:
+        name, fits = "power_factor", f"{low:g} .. {MOST_TOLD:g}"
+    else:
+        high = math.floor(1000 * most) / 1000
+        name, fits = "efficiency", f"{plate.product / MOST_TOLD:.3f} .. {high:g}"
+    raise SetupError(
+        f"{name} = {getattr(plate, name):g}: with {plate.sizes} that is an efficiency of "
+        f"{plate.product / factor:.3g}, but the slip of {100 * slip:.3g} % alone allows less than "
+        f"{most:.3g}: {name} = {fits} would fit"
+    )
 
 
 def _believable_product(plate: Nameplate, of: Typical) -> None:

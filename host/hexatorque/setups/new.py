@@ -27,6 +27,8 @@ from .nameplate import FRICTION, IRON, THREE_PHASE, Nameplate, ThreePhase
 from .published import equal_leakages, machines
 from .values import SetupError
 
+#: Of a plate with neither power factor nor efficiency.
+NO_FACTOR = "With power_factor (cos phi on the plate) the ranges of R_s and L_m are narrower."
 #: The scheme of a set-up for which none is ready; of one whose sets are 0 or 60 degrees apart.
 FALLBACK, FALLBACK_ALIKE = "ddr", "db-dtfc"
 SCHEME_LINE = 'scheme = "{}"'
@@ -209,7 +211,7 @@ def from_nameplate(text: str, title: str) -> str:
         "estimated in this way.",
     ]
     if not told:
-        head.append("With power_factor (cos phi on the plate) the range of R_s is narrower.")
+        head.append(NO_FACTOR)
     machine = {
         "pole_pairs": (plate.pole_pairs, "", "nameplate"),
         **{

@@ -10,6 +10,7 @@ whether something of a scheme is bad, or the worst moment alone would trip, it i
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
@@ -31,11 +32,21 @@ from .derived import (
     standing_leg_W,
     write_delay_us,
 )
-from .design import PULL_OUT_SHARE, REACH_PU, SPEED_HELD, USABLE, Demand, Design, rad_s
-from .doubts import judged
-from .estimate import MAIN_OVER_LEAKAGE, PRODUCT, published_kW, usual
+from .design import (
+    PULL_OUT_SHARE,
+    REACH_PU,
+    SPEED_HELD,
+    USABLE,
+    VECTOR_PU,
+    Demand,
+    Design,
+    rad_s,
+    rpm,
+)
+from .doubts import MEASURED_BY, judged
+from .estimate import MAIN_OVER_LEAKAGE, PRODUCT, published_kW, rotor_kgm2, speed_of, typical, usual
 from .finding import NOT_READY, Finding
-from .keys import KEYS
+from .keys import ESTIMATED, KEYS
 from .mean_torque import held
 from .published import equal_leakages
 from .setup import Setup
@@ -238,12 +249,18 @@ def _judged(d: Design, name: str) -> list[Finding]:
 
 
 def refuse_impossible(setup: Setup) -> None:
-    """SetupError with a line for each number that no machine has."""
+    """SetupError with a line for each mistake: numbers that no machine has."""
     design = Design(setup, parameters(setup).__getitem__)
     checked = _of_magnets(design) if design.magnets else _believable(design)
-    wrong = [f for f in checked if f.verdict == "bad"]
-    if wrong:
-        raise SetupError("\n".join(f"{_why(f)}: {f.advice}" for f in wrong))
+    lines: list[str] = []
+    named: set[str] = set()
+    for f in checked:
+        keys = re.findall(r"(?:machine|rated|inverter|controller)\.\w+", f.advice)
+        if f.verdict == "bad" and not named & set(keys[:1]):
+            lines.append(f"{_why(f)}: {f.advice}")
+            named |= set(keys)
+    if lines:
+        raise SetupError("\n".join(lines))
 
 
 #: The least ratio of main to leakage inductance that any machine has: of the published
@@ -258,34 +275,115 @@ MOST_ARMATURE = 10.0
 
 
 def _believable(d: Design) -> Iterator[Finding]:
-    """Numbers that no machine has."""
+    """Numbers that no machine has. What one mistake makes wrong is one finding that is bad."""
     m = d.unsaturated
-    for side, leakage_H in (("lls_H", m.lls_H), ("llr_H", m.llr_H)):
-        yield at_least(
-            f"lm_H over {side}", m.lm_H / leakage_H, LEAST_MAIN, "",
-            f"no machine has such a ratio: are machine.lm_H and machine.{side} exchanged?",
-        )  # fmt: skip
-    share_A = d.rated_A / (REACH_PU * d.vdc_V)
-    for side, ohm in (("rs_ohm", m.rs_ohm), ("rr_ohm", m.rr_ohm)):
-        yield at_most(
-            f"{side} times rated current over the voltage", ohm * share_A, MOST_RESISTANCE, "",
-            _too_resistive(d, side, ohm),
-        )  # fmt: skip
-    if all(m.lm_H >= LEAST_MAIN * leakage_H for leakage_H in (m.lls_H, m.llr_H)):
+    ratios = {side: m.lm_H / getattr(m, side) for side in ("lls_H", "llr_H")}
+    least = min(ratios, key=ratios.__getitem__)
+    for side, ratio in ratios.items():
+        if side == least or ratio >= LEAST_MAIN:
+            yield at_least(
+                f"lm_H over {side}", ratio, LEAST_MAIN, "",
+                f"no machine has such a ratio: are machine.lm_H and machine.{side} exchanged?",
+            )  # fmt: skip
+    shares = {side: getattr(m, side) * _over_voltage_A(d) for side in ("rs_ohm", "rr_ohm")}
+    resistive = [side for side, share in shares.items() if share > MOST_RESISTANCE]
+    if len(resistive) == 2:
+        yield _too_much_current(d)
+    else:
+        for side, share in shares.items():
+            yield at_most(
+                f"{side} times rated current over the voltage", share, MOST_RESISTANCE, "",
+                _too_resistive(d, side, getattr(m, side)),
+            )  # fmt: skip
+    if not resistive:
+        yield from _stated_torque(d)
+    if len(resistive) < 2 and ratios[least] >= LEAST_MAIN:
         yield from _usual(d)
     yield from _as_built(d)
 
 
-def _too_resistive(d: Design, side: str, ohm: float) -> str:
+def _over_voltage_A(d: Design) -> float:
+    """Rated current over the voltage of a phase, amplitudes, 1/ohm."""
+    return d.rated_A / (REACH_PU * d.vdc_V)
+
+
+def _exchanged(d: Design, ohm: float) -> str:
+    """The question whether voltage and current are exchanged, where this helps; else nothing."""
     current_A, vdc_V = d.setup["rated.current_A"], d.setup["inverter.vdc_V"]
     if math.sqrt(2) * vdc_V * ohm < 0.5 * MOST_RESISTANCE * REACH_PU * current_A:
-        return (
-            f"check machine.{side}; or are rated.current_A = {current_A:g} and inverter.vdc_V = "
-            f"{vdc_V:g} exchanged?"
-        )
+        return f"are rated.current_A = {current_A:g} and inverter.vdc_V = {vdc_V:g} exchanged?"
+    return ""
+
+
+def _too_resistive(d: Design, side: str, ohm: float) -> str:
+    if exchanged := _exchanged(d, ohm):
+        return f"check machine.{side}; or {exchanged}"
     needed_V = d.machine.pole_pairs * rad_s(d.rated_rpm) * d.flux_Wb / (USABLE * REACH_PU)
-    fits = f" ({needed_V:.3g} V turn the flux at rated speed)" if needed_V > vdc_V else ""
+    fits = f" ({needed_V:.3g} V turn the flux at rated speed)" if needed_V > d.vdc_V else ""
     return f"no machine has so much: check machine.{side}, rated.current_A and inverter.vdc_V{fits}"
+
+
+def _too_much_current(d: Design) -> Finding:
+    """Both resistances take too much voltage, so voltage or current is wrong. Each alone can be so
+    that R_s is the usual one. The right one of the two has a power that machines have."""
+    m, current_A, vdc_V = d.unsaturated, d.rated_A / math.sqrt(2), d.vdc_V
+    worst_ohm = max(m.rs_ohm, m.rr_ohm)
+    line = typical().rs  # R_s = at_1kW (n V I)^exponent k V/I, with the amplitudes k V and I
+    k = USABLE * REACH_PU
+    n = PRODUCT * 3e-3 * k
+    unit = line.at_1kW * k * n**line.exponent
+    fits_V = (m.rs_ohm / unit * d.rated_A ** (1 - line.exponent)) ** (1 / (1 + line.exponent))
+    fits_A = (unit / m.rs_ohm * vdc_V ** (1 + line.exponent)) ** (1 / (1 - line.exponent))
+
+    def far(vdc_V: float, rated_A: float) -> float:
+        """From the powers that published machines have, as a logarithm."""
+        low_kW, high_kW = published_kW()
+        power_kW = n * vdc_V * rated_A
+        return max(0.0, math.log(low_kW / power_kW), math.log(power_kW / high_kW))
+
+    least_V = worst_ohm * d.rated_A / (MOST_RESISTANCE * REACH_PU)
+    most_A = MOST_RESISTANCE * REACH_PU * vdc_V / worst_ohm / math.sqrt(2)
+    advice, against = _exchanged(d, min(m.rs_ohm, m.rr_ohm)), "the voltage across the resistances"
+    if far(fits_V, d.rated_A) <= far(vdc_V, fits_A):
+        advice = advice or (
+            f"about {fits_V:.3g} V would fit; else check rated.current_A = {current_A:.3g}, "
+            "machine.rs_ohm and machine.rr_ohm"
+        )
+        return at_least(f"inverter.vdc_V against {against}", vdc_V, least_V, "V", advice)
+    advice = advice or (
+        f"about {fits_A / math.sqrt(2):.3g} A would fit; else check inverter.vdc_V = {vdc_V:g}, "
+        "machine.rs_ohm and machine.rr_ohm"
+    )
+    return at_most(f"rated.current_A against {against}", current_A, most_A, "A", advice)
+
+
+#: Stated rated torque over what the stated rated current makes if all of it lies across the flux.
+#: Machines have 0.6 to 0.9. The flux may be less exact than the two.
+MOST_TORQUE, LEAST_TORQUE, USUAL_TORQUE = 2.0, 0.2, 0.8
+TORQUE = "rated.torque_Nm over what rated.current_A makes at most"
+
+
+def _stated_torque(d: Design) -> Iterator[Finding]:
+    """The stated torque against the stated current."""
+    torque_Nm, current_A = d.setup["rated.torque_Nm"], d.setup["rated.current_A"]
+    if torque_Nm <= 0 or current_A <= 0:
+        return
+    most_Nm = 3 * d.machine.pole_pairs * d.steady_Wb * math.sqrt(2) * current_A
+    fits_Nm = d.torque_of_current_Nm(math.sqrt(2) * current_A) or USUAL_TORQUE * most_Nm
+    ratio = torque_Nm / most_Nm
+    advice = (
+        f"about {fits_Nm:.2g} N m fit: check rated.torque_Nm = {torque_Nm:g}, and "
+        f"rated.current_A = {current_A:g} (an rms value)"
+    )
+    if ratio < LEAST_TORQUE:
+        yield at_least(TORQUE, ratio, LEAST_TORQUE, "", advice, "note")
+    else:
+        yield at_most(TORQUE, ratio, MOST_TORQUE, "", advice)
+
+
+def _no_torque(d: Design) -> bool:
+    """Whether the stated rated torque cannot be."""
+    return any(f.verdict == "bad" for f in _stated_torque(d))
 
 
 def _as_built(d: Design) -> Iterator[Finding]:
@@ -340,7 +438,9 @@ def _usual(d: Design) -> Iterator[Finding]:
             ("leakage", "machine.lls_H and machine.llr_H", leakage_H, base_H, " H"),
             ("L_m", "machine.lm_H", lm_H, base_H, " H"),
         ]
+        speed_rad_s = omega
     else:
+        speed_rad_s = speed_of(base_ohm, power_kW, leakage_H, lm_H)
         keys = "machine.lm_H, machine.lls_H and machine.llr_H"
         elements.append((MAIN_OVER_LEAKAGE, keys, lm_H / leakage_H, 1.0, ""))
     for name, keys, value, base, unit in elements:
@@ -355,6 +455,8 @@ def _usual(d: Design) -> Iterator[Finding]:
             f"usual is {usual_value:.3g}{unit}: check {keys}, and {others}",
             "bad" if bad else "note",
         )  # fmt: skip
+    if d.tag("inertia_kgm2") != ESTIMATED:
+        yield _inertia(d, power_kW, rpm(speed_rad_s / d.machine.pole_pairs))
     ratio = m.lls_H / m.llr_H
     finding, limit = (at_most, MOST_UNEQUAL) if ratio >= 1 else (at_least, 1 / MOST_UNEQUAL)
     yield finding(
@@ -364,10 +466,29 @@ def _usual(d: Design) -> Iterator[Finding]:
     )  # fmt: skip
 
 
+#: How far from that of the rotor with an equal load an inertia is a note, and above it bad.
+FAR_INERTIA, MOST_INERTIA = 30.0, 1000.0
+INERTIA = "inertia over the usual one"
+
+
+def _inertia(d: Design, power_kW: float, speed_rpm: float) -> Finding:
+    usual_kgm2 = 2 * rotor_kgm2(power_kW, max(speed_rpm, 1.0))
+    ratio = d.machine.inertia_kgm2 / usual_kgm2
+    low, high = usual_kgm2 / FAR_INERTIA, usual_kgm2 * FAR_INERTIA
+    advice = (
+        f"usual is {usual_kgm2:.2g} kg m2 ({low:.2g} .. {high:.2g}) with the load: check "
+        f"machine.inertia_kgm2 = {d.machine.inertia_kgm2:g}"
+    )
+    if ratio < 1:
+        return at_least(INERTIA, ratio, 1 / FAR_INERTIA, "", advice, "note")
+    return graded(INERTIA, ratio, FAR_INERTIA, MOST_INERTIA, "", advice)
+
+
 def unusual(findings: Iterable[Finding]) -> list[str]:
     """A line for each number of the machine that is further from the published ones than any of
-    these."""
-    found = [f for f in findings if f.advice and (UNUSUAL in f.subject or f.subject == UNEQUAL)]
+    these, or that does not go with the others."""
+    others = (UNEQUAL, INERTIA, TORQUE)
+    found = [f for f in findings if f.advice and (UNUSUAL in f.subject or f.subject in others)]
     return [f"{_why(f)}: {f.advice}" for f in found]
 
 
@@ -425,9 +546,10 @@ def outcome(
     for kind, of in (("doubtful", doubtful), ("not", wrong)):
         reasons: dict[str, list[str]] = {}
         for scheme, f in of.items():
-            reasons.setdefault(f.what, []).append(scheme)
+            reasons.setdefault(f.subject, []).append(scheme)
         for names in reasons.values():
-            parts.append(f"{kind}: {', '.join(names)}, because {_why(of[names[0]])}")
+            why = _one_reason([of[scheme] for scheme in names])
+            parts.append(f"{kind}: {', '.join(names)}, because {why}")
     possible = (*ready, *doubtful)
     if own in wrong and best_one:
         step = f'set controller.scheme = "{best_one}", {again}'
@@ -437,6 +559,24 @@ def outcome(
         most = [scheme for scheme in (own, best_one, *possible) if scheme in possible][:4]
         step = f"hexatorque compare --setup {name} --schemes {','.join(dict.fromkeys(most))}"
     return Outcome(ready, doubtful, wrong, "; ".join([*parts, f"next: {step}"]))
+
+
+def _one_reason(same: list[Finding]) -> str:
+    """Of findings of one subject: each has its own numbers, which the table has."""
+    whys = list(dict.fromkeys(map(_why, same)))
+    if len(whys) == 1:
+        return whys[0]
+    decides = dict.fromkeys(key for f in same for key in re.findall(r"machine\.\w+", f.runs))
+    beyond = "above" if same[0].sign == "<=" else "below"
+    if any(f.verdict == "bad" for f in same):
+        return f"{same[0].subject} is {beyond} its limit (--all has the numbers)"
+    may = f"{same[0].subject} may be {beyond} its limit"
+    if not decides:
+        return f"{may} (--all has the numbers)"
+    verb, measured = "decides", MEASURED_BY
+    if len(decides) > 1:
+        verb, measured = "decide", MEASURED_BY.replace(" it", " them")
+    return f"{may}: {' and '.join(decides)} {verb} (--all has the numbers, {measured})"
 
 
 def _first_of(findings: list[Finding], schemes: list[str]) -> dict[str, Finding]:
@@ -603,7 +743,9 @@ def _limit_A(d: Design) -> float:
 
 
 def _currents_of_torque(d: Design) -> Iterator[Finding]:
-    """The findings about rated torque and torque limit."""
+    """The findings about rated torque and torque limit; none if that torque cannot be."""
+    if _no_torque(d):
+        return
     trip_A, rated_A = d.parameter("i_trip_A"), d.current_A(d.rated_Nm)
     yield at_most(
         "current at rated torque", rated_A, 0.8 * trip_A, "A",
@@ -661,15 +803,16 @@ def _currents(d: Design) -> Iterator[Finding]:
         "N m", "the firmware stays below 80 % of pull-out: lower controller.torque_limit_Nm",
         "note",
     )  # fmt: skip
-    yield at_least(
-        "torque limit against rated torque", p("torque_limit_Nm"), d.rated_Nm, "N m",
-        "this flux gives no more: raise inverter.vdc_V, state rated.flux_Wb, or lower "
-        "rated.torque_Nm"
-        if d.rated_Nm > PULL_OUT_SHARE * d.pull_out_Nm
-        else _more_current(d, lambda d: _rated_current_A(d) / 0.8)
-        if d.current_A(d.rated_Nm) > 0.8 * trip_A
-        else "raise controller.torque_limit_Nm",
-    )  # fmt: skip
+    if not _no_torque(d):
+        yield at_least(
+            "torque limit against rated torque", p("torque_limit_Nm"), d.rated_Nm, "N m",
+            "this flux gives no more: raise inverter.vdc_V, state rated.flux_Wb, or lower "
+            "rated.torque_Nm"
+            if d.rated_Nm > PULL_OUT_SHARE * d.pull_out_Nm
+            else _more_current(d, lambda d: _rated_current_A(d) / 0.8)
+            if d.current_A(d.rated_Nm) > 0.8 * trip_A
+            else "raise controller.torque_limit_Nm",
+        )  # fmt: skip
     yield _step_of_converter(d, 0.03 * no_load_A)
     yield at_least(
         "flux_check against the current's ripple, in no-load currents",
@@ -688,21 +831,28 @@ def _currents(d: Design) -> Iterator[Finding]:
 def _of_magnets(d: Design) -> Iterator[Finding]:
     """Numbers that no machine with magnets has, and the speed up to which they are harmless."""
     p, m = d.parameter, d.machine
+    share, armature = m.rs_ohm * _over_voltage_A(d), m.ld_H * d.rated_A / m.psi_f_Wb
+    resistive, strong = share > MOST_RESISTANCE, armature > MOST_ARMATURE
+    exchanged = _exchanged(d, m.rs_ohm)
     yield at_most(
-        "rs_ohm times rated current over the voltage", m.rs_ohm * d.rated_A / (REACH_PU * d.vdc_V),
-        MOST_RESISTANCE, "", _too_resistive(d, "rs_ohm", m.rs_ohm),
+        "rs_ohm times rated current over the voltage", share, MOST_RESISTANCE, "",
+        exchanged or f"check rated.current_A = {d.rated_A / math.sqrt(2):.3g} first: machine.ld_H "
+        "has too much flux with it, too"
+        if strong else _too_resistive(d, "rs_ohm", m.rs_ohm),
     )  # fmt: skip
-    yield at_most(
-        "flux of the rated current in L_d over the magnets'", m.ld_H * d.rated_A / m.psi_f_Wb,
-        MOST_ARMATURE, "",
-        f"no machine has that with machine.ld_H = {m.ld_H:g} H, which is {1e3 * m.ld_H:g} mH: "
-        "check it, machine.psi_f_Wb and rated.current_A",
-    )  # fmt: skip
+    if not resistive:  # one mistake is told once
+        yield at_most(
+            "flux of the rated current in L_d over the magnets'", armature, MOST_ARMATURE, "",
+            f"no machine has that with machine.ld_H = {m.ld_H:g} H, which is {1e3 * m.ld_H:g} mH: "
+            "check it, machine.psi_f_Wb and rated.current_A",
+        )  # fmt: skip
+        yield from _stated_torque(d) if not strong else ()
     yield from _as_built(d)
-    yield at_most(
-        "L_d over L_q", m.ld_H / m.lq_H, 1.0, "",
-        "the d axis is the magnets' north pole: are machine.ld_H and machine.lq_H exchanged?",
-    )  # fmt: skip
+    if resistive or not strong:
+        yield at_most(
+            "L_d over L_q", m.ld_H / m.lq_H, 1.0, "",
+            "the d axis is the magnets' north pole: are machine.ld_H and machine.lq_H exchanged?",
+        )  # fmt: skip
     if p("rotor_start") == "absolute" and d.setup["sensors.absolute_counts_rev"] == 0:
         yield Finding(
             "no absolute encoder", 0.0, "", 0.0, "", "bad",
@@ -870,12 +1020,24 @@ def _speed(d: Design) -> Iterator[Finding]:
         "largest load of point and profile", d.asked_Nm, p("torque_limit_Nm"), "N m",
         "raise controller.torque_limit_Nm, or ask for less",
     )  # fmt: skip
-    weak_rpm = d.base_rpm(d.reach_pu(REACH_PU, by_table=True)) * d.flux_Wb / p("flux_min_Wb")
     if p("field_weakening") == "on":
-        yield at_least(
-            "end of field weakening", weak_rpm, d.rated_rpm, "r/min",
-            "lower controller.flux_min_Wb, or raise inverter.vdc_V",
-        )  # fmt: skip
+        yield _end_of_weakening(d)
+
+
+def _end_of_weakening(d: Design) -> Finding:
+    """The speed at which the least flux takes the usable voltage, with as much of it for the load
+    as rated torque takes. A light load leaves all of the voltage for the flux."""
+    weaker = d.flux_Wb / d.parameter("flux_min_Wb")
+    loaded_rpm = weaker * d.base_rpm(d.reach_pu(REACH_PU, by_table=True))
+    unloaded_rpm = rpm(weaker * VECTOR_PU * d.vdc_V / d.flux_Wb / d.machine.pole_pairs)
+    fastest_rpm = max(d.fastest_rpm, d.rated_rpm)
+    reached = d.rated_rpm <= loaded_rpm and fastest_rpm <= unloaded_rpm
+    more = "lower controller.flux_min_Wb, raise inverter.vdc_V, or ask for less speed"
+    return at_least(
+        "end of field weakening", loaded_rpm, fastest_rpm, "r/min",
+        f"only little load lets the drive go faster: {more}" if reached else more,
+        "note" if reached else "bad",
+    )  # fmt: skip
 
 
 def _link(d: Design) -> Iterator[Finding]:

@@ -1,8 +1,9 @@
 """A drive cycle: speed and torque at the shaft over time, from a table.
 
 The table is CSV with the columns time_s, speed_rpm and torque_Nm. In place of the last two,
-speed_pu and torque_pu are shares of the set-up's operating point. Between two rows both are
-straight lines; two rows of the same time are a step. Lines that begin with # are skipped.
+speed_pu and torque_pu are shares of the set-up's operating point; without a speed in it, of half
+of rated speed and torque. Between two rows both are straight lines; two rows of the same time are a
+step. Lines that begin with # are skipped.
 """
 
 from __future__ import annotations
@@ -57,6 +58,10 @@ class Cycle:
     def over(self, setup: Setup) -> tuple[np.ndarray, np.ndarray]:
         """Speed (r/min) and torque (N m) of each row on this drive. SetupError if that is more than
         it may have."""
+        from ..experiments.steady import at_point  # takes long to import
+
+        if self.own_speed or self.own_torque:
+            setup = at_point(setup)
         limit_Nm = min(MOST_NM, float(setup.parameter("torque_limit_Nm")))
         speed_rpm = self._scaled(self.speed, self.own_speed, setup, "point.speed_rpm")
         torque_Nm = self._scaled(self.torque, self.own_torque, setup, "point.load_Nm")

@@ -151,10 +151,18 @@ def test_a_scheme_is_bad_only_if_no_estimate_helps(findings, plate):
 def test_the_verdict_names_value_threshold_and_what_settles_it(findings):
     reached = outcome(findings, SCHEMES, "ddr", "mine.toml")
     assert {*reached.ready, *reached.doubtful, *reached.not_ready} == set(SCHEMES)
-    part = next(p for p in reached.text.split("; ") if p.startswith("doubtful: dtc2"))
-    assert PEAK in part and ", with machine.lxy_H = " in part
-    assert re.search(r"\(runs with machine\.lxy_H = [\d.]+ and more: hexatorque board comm", part)
-    assert set(reached.as_json()["doubtful"]) == set(reached.doubtful)
+    part = next(p for p in reached.text.split("; ") if p.startswith("doubtful: "))
+    assert "dtc1, dtc2, dtc3" in part and f"{PEAK} may be above its limit: machine.lxy_H" in part
+    assert "hexatorque board commission" in part and " = " not in part
+    reasons = reached.as_json()["doubtful"]
+    assert set(reasons) == set(reached.doubtful)
+    alone = outcome(findings, ["dtc2"], "ddr", "mine.toml")
+    part = next(p for p in alone.text.split("; ") if p.startswith("doubtful: dtc2"))
+    for text in (part, reasons["dtc2"]):
+        assert PEAK in text and ", with machine.lxy_H = " in text
+        assert re.search(
+            r"\(runs with machine\.lxy_H = [\d.]+ and more: hexatorque board comm", text
+        )
 
 
 def test_a_doubt_stops_the_drive_only_with_the_values_of_the_file(tmp_path, capsys):

@@ -1,6 +1,7 @@
 """Derived parameters, and set-ups that are made of a nameplate or a circuit."""
 
 import math
+import re
 import tomllib
 from dataclasses import replace
 
@@ -69,7 +70,7 @@ def test_the_circuit_does_what_the_plate_says(plate):
         ({"speed_rpm": "1500"}, ("1500 r/min", "4 poles")),
         (
             {"speed_rpm": "1350", "efficiency": "0.9"},
-            ("slip 10 %", "efficiency 0.9", "too little for the stator"),
+            ("slip of 10 %", "efficiency = 0.9:", "0.888 would fit"),
         ),
         ({"current_A": "5"}, ("6.928 kVA", "below 0.98")),
         ({"poles": "3"}, ("poles = 3", "even")),
@@ -401,3 +402,24 @@ def test_a_set_up_from_a_plate_steps_so_that_the_estimated_leakage_cannot_swing(
     assert reached[9] == pytest.approx(1, abs=0.1)
     known = setups.parse(new.from_nameplate(PLATE + ",pull_out=2.9", "x"), "x")
     assert setups.parameters(known)["step_share"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"), [("power_factor", (0.6, 0.68)), ("efficiency", (0.97, 0.99))]
+)
+def test_what_was_typed_is_named_with_the_range_that_fits(name, wrong):
+    """Losses below those of the slip. Both ends of the range, to the last digit, are taken."""
+    for value in wrong:
+        with pytest.raises(SetupError) as error:
+            new.from_nameplate(f"{PLATE},{name}={value}", "x")
+        assert str(error.value).startswith(f"{name} = {value:g}: ")
+    low, high = re.search(rf"{name} = ([\d.]+) \.\. ([\d.]+) would fit", str(error.value)).groups()
+    for value in (float(low) + 1e-3, float(high)):
+        new.from_nameplate(f"{PLATE},{name}={value}", "x")
+    assert wrong[1] > float(high) or wrong[1] < float(low)
+
+
+def test_new_says_that_a_power_factor_would_narrow_the_ranges(tmp_path, capsys):
+    for more, told in (("", 1), (",power_factor=0.8", 0), (",efficiency=0.87", 0)):
+        assert main(["new", str(tmp_path / "x.toml"), "--force", "--nameplate", PLATE + more]) == 0
+        assert capsys.readouterr().out.count("the plate has no power_factor: ") == told

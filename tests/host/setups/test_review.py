@@ -69,6 +69,24 @@ def test_a_profile_above_the_trip_is_bad():
     ] == ("bad")
 
 
+@pytest.mark.parametrize(
+    ("speed_rpm", "verdict"), [(7000, "ok"), (8000, "note"), (9100, "bad"), (20000, "bad")]
+)
+@pytest.mark.parametrize("asks", ("point", "profile"))
+def test_a_speed_that_the_least_flux_does_not_allow_is_bad(asks, speed_rpm, verdict):
+    """Field weakening ends where the least flux, 20 %, takes the voltage: the drive stops at
+    8792 r/min without a load."""
+    text = new.from_nameplate(PLATE, "x")
+    if asks == "profile":
+        text += f"\n[profile]\nduration_s = 3\nspeed_rpm = [[1, {speed_rpm}]]\n"
+    setup = setups.parse(text, "x")
+    if asks == "point":
+        setup = setup.changed(point__speed_rpm=float(speed_rpm))
+    (found,) = (f for f in review(setup, []) if f.subject == "end of field weakening")
+    assert found.verdict == verdict and found.limit == speed_rpm
+    assert ("ask for less" in found.advice) == (verdict != "ok")
+
+
 PROFILE = "[profile]\nduration_s = 3\nspeed_rpm = [[0.5, 2000]]\nload_Nm = [[1, 6]]\n"
 
 
@@ -388,7 +406,7 @@ def test_the_review_fits_into_the_terminal(tmp_path, capsys, monkeypatch, width)
     ("change", "words"),
     [
         (("lls_H=0.01,", "lls_H=0.284,"), ("lm_H over lls_H is 1", "exchanged?")),
-        (("lm_H=0.284", "lm_H=0.015"), ("lm_H over lls_H is 1.5", "machine.lm_H")),
+        (("lm_H=0.284", "lm_H=0.015"), ("lm_H over llr_H is 1", "machine.lm_H")),
         (("rs_ohm=1.8", "rs_ohm=180"), ("rs_ohm times rated current", "check machine.rs_ohm")),
     ],
 )
@@ -399,6 +417,76 @@ def test_a_circuit_that_no_machine_has_is_not_written(tmp_path, capsys, change, 
     for word in words:
         assert word in said
     assert not file.exists()
+
+
+BOTH = "pole_pairs=2,rs_ohm=1.1,rr_ohm=0.9,lls_H=7e-3,llr_H=7e-3,lm_H=0.21,current_A=5.9,vdc_V=600"
+
+
+def refused(text, make=new.from_circuit):
+    with pytest.raises(setups.SetupError) as error:
+        new.with_best_scheme(make(text, "x"), "x")
+    return str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "begins", "words"),
+    [
+        ({"lls_H": "0.21", "lm_H": "7e-3"}, "lm_H over lls_H", ["machine.lls_H exchanged?"]),
+        (
+            {"current_A": "600", "vdc_V": "5.9"},
+            "rated.current_A against",
+            ["rated.current_A = 600 and inverter.vdc_V = 5.9 exchanged?"],
+        ),
+        ({"vdc_V": "5.9"}, "inverter.vdc_V against", ["5.9 V", "would fit"]),
+        ({"current_A": "600"}, "rated.current_A against", ["600 A", "would fit"]),
+        ({"torque_Nm": "424"}, "rated.torque_Nm over", ["N m fit", "rated.torque_Nm = 424"]),
+        ({"inertia_kgm2": "1000"}, "inertia over", ["usual is", "machine.inertia_kgm2 = 1000"]),
+    ],
+)
+def test_one_mistake_is_one_line_that_begins_with_the_likeliest_number(changes, begins, words):
+    typed = dict(part.split("=") for part in BOTH.split(",")) | changes
+    line = refused(",".join(f"{name}={word}" for name, word in typed.items()))
+    assert "\n" not in line and line.startswith(begins)
+    assert all(word in line for word in words)
+
+
+def test_the_voltage_and_the_current_that_would_fit_are_near_those_that_do():
+    """The proposal follows from the usual R_s: published machines are up to 3.7 times off."""
+    for typed, unit, right in ((",vdc_V=6", "V", 600), (",current_A=590", "A", 5.9)):
+        name = typed[1:].split("=")[0]
+        line = refused(re.sub(rf",{name}=[\d.]+", typed, BOTH))
+        fits = float(re.search(rf"about ([\d.]+) {unit} would fit", line)[1])
+        assert right / 3 < fits < 3 * right
+
+
+def test_a_current_too_large_for_magnets_is_told_once():
+    sheet = "poles=10,ke_V=47,rs_ohm=1.1,ld_H=2.1e-3,current_A={},vdc_V=60,inertia_kgm2=0.03"
+    line = refused(sheet.format(350), new.from_magnets)
+    assert "\n" not in line and "check rated.current_A = 350 first" in line
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict"),
+    [
+        ({"rated__torque_Nm": 1.5 * 36.2}, {"rated.torque_Nm over": "ok", "inertia": "ok"}),
+        ({"rated__torque_Nm": 10 * 36.2}, {"rated.torque_Nm over": "bad"}),
+        ({"rated__torque_Nm": 0.1 * 36.2}, {"rated.torque_Nm over": "note"}),
+        ({"machine__inertia_kgm2": 0.3}, {"inertia": "ok"}),
+        ({"machine__inertia_kgm2": 20.0}, {"inertia": "note"}),
+        ({"machine__inertia_kgm2": 1e-4}, {"inertia": "note"}),
+        ({"machine__inertia_kgm2": 1e3}, {"inertia": "bad"}),
+    ],
+)
+def test_rated_torque_and_inertia_are_compared_with_the_other_numbers(changes, verdict):
+    plate = new.from_nameplate(f"{PLATE},inertia_kgm2=0.1", "x")
+    found = review(setups.parse(plate, "x").changed(**changes), [])
+    for begins, expected in verdict.items():
+        (of,) = (f for f in found if f.subject.startswith(begins))
+        assert of.verdict == expected
+        key = "machine.inertia_kgm2" if begins == "inertia" else "rated.torque_Nm"
+        assert expected == "ok" or key in of.advice
+        if begins.startswith("rated") and expected == "bad":  # nothing else is said of it
+            assert not any("rated torque" in f.subject and f.verdict != "ok" for f in found)
 
 
 # -- files that name others --------------------------------------------------------------------
@@ -512,6 +600,12 @@ def test_every_published_machine_is_one_that_machines_are_like():
         )  # fmt: skip
         found = usual_findings(setup)
         assert len(found) == 4 and {f.verdict for f in found.values()} == {"ok"}, machine.name
+        of = {f.subject: f.verdict for f in review(setup, [])}
+        assert of["rated.torque_Nm over what rated.current_A makes at most"] == "ok", machine.name
+        if machine.inertia_kgm2:
+            with_its = setup.changed(machine__inertia_kgm2=machine.inertia_kgm2)
+            of = {f.subject: f.verdict for f in review(with_its, [])}
+            assert of["inertia over the usual one"] == "ok", machine.name
 
 
 def test_without_rated_values_nothing_is_said_of_elements():

@@ -114,6 +114,15 @@ def test_what_the_drive_cannot_do_is_said_before_it_runs(tmp_path):
         Study(setup, run=Runs("cycle", cycle="ece15"), schemes=["ddr"])
 
 
+def test_without_a_point_a_cycle_has_shares_of_half_of_rated_speed_and_torque():
+    """As `compare` and the other sweeps have it."""
+    rated = {"rated__speed_rpm": 2500.0, "rated__torque_Nm": 2.0}
+    setup = setups.load("paper-b").changed(point__speed_rpm=0.0, point__load_Nm=0.0, **rated)
+    speed_rpm, torque_Nm = cycle.read("ece15").over(setup)
+    assert max(speed_rpm) == 1250 and max(abs(torque_Nm)) == 1
+    Study(setup, run=Runs("cycle", cycle="ece15"), schemes=["ddr"])
+
+
 def test_a_study_names_its_files_as_seen_from_its_own_folder(tmp_path, monkeypatch):
     """Files of the same names where the command runs are others; what is built in stays so."""
     folder, elsewhere = tmp_path / "studies", tmp_path / "elsewhere"
