@@ -182,7 +182,11 @@ def test_a_number_that_cannot_be_is_named_in_one_line(change, words):
         ({"vdc_V": "6000"}, "vdc_V = 6000", ("up to 1890 V", "600?")),
         # No power of ten helps.
         ({"voltage_V": "230"}, "230 V", ("below 0.98", "current_A = 9.24 would fit")),
-        ({"power_factor": "0.08"}, "efficiency would be 8.41", ("power_factor", "above 0.673")),
+        (
+            {"power_factor": "0.08"},
+            "efficiency of 8.41",
+            ("power_factor", "0.699 .. 0.97 would fit"),
+        ),
         ({"vdc_V": "60"}, "0.5", ("inverter.vdc_V (581 V",)),
     ],
 )
