@@ -229,7 +229,7 @@ def _serve(line: socket.socket) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: whoever started us ends us
     for module in LOADED:
         import_module(module)
-    import_module("hexatorque.drive.compiling").compile_now()
+    import_module("hexatorque.drive.simulated").compile_now()
     for request, streams in _requests(line):
         if _forked(request, streams):
             line.close()

@@ -162,9 +162,11 @@ tell "compiling the simulation if its source has changed (about 15 s)"
 started=$before/started
 "$venv/bin/python" -c 'import sys
 import numba.np.arraymath
-from hexatorque.drive.compiling import compile_now
+from hexatorque.drive.compiling import watched
+from hexatorque.drive.simulated import compile_now
 open(sys.argv[1], "w").close()
-compile_now()' "$started" &
+with watched(lambda: None, lambda: None): # the line above tells it
+    compile_now()' "$started" &
 compiled=$!
 while kill -0 $compiled 2>/dev/null && [ ! -e "$started" ]; do sleep 0.1; done
 add -r "$extras"

@@ -143,7 +143,7 @@ def compiling() -> Iterator[None]:
 
 def compile_now() -> None:
     """Before a command simulates: compile what has to be compiled, and say so."""
-    from ..drive.compiling import compile_now
+    from ..drive.simulated import compile_now
 
     with compiling():
         compile_now()

@@ -66,11 +66,3 @@ def told() -> Iterator[None]:
         yield
     finally:
         unregister(_KIND, teller)
-
-
-def compile_now() -> None:
-    """Compile the simulation, or load it from the cache. A process does this only once."""
-    from .. import setups
-    from .simulated import SimulatedDrive
-
-    SimulatedDrive(setups.load("paper-a-feasible"))

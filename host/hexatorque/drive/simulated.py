@@ -290,3 +290,8 @@ class SimulatedDrive(Hardware, DriveVerbs):
             "register_violations": int(self.controller.registers.violations),
             "short_pulses": self.short_pulses,
         }
+
+
+def compile_now() -> None:
+    """Compile the simulation, or load it from the cache. A process does this only once."""
+    SimulatedDrive(load("paper-a-feasible"))

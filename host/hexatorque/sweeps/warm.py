@@ -12,7 +12,7 @@ import gc
 gc.disable()
 
 from ..analysis import walk  # noqa: E402, F401  (what a run needs)
-from ..drive.compiling import compile_now  # noqa: E402
+from ..drive.simulated import compile_now  # noqa: E402
 from ..experiments import steady  # noqa: E402, F401
 from . import work  # noqa: E402, F401
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager, nullcontext
 import pytest
 
 from hexatorque.cli.main import main
-from hexatorque.drive import compiling, hardware
+from hexatorque.drive import compiling, hardware, simulated
 from hexatorque.plant import loop
 
 SOURCE = """
@@ -71,16 +71,16 @@ def test_a_script_that_compiles_is_told_so_once(tmp_path, monkeypatch, capsys):
 def test_the_first_simulated_drive_of_a_process_tells_it(monkeypatch):
     told = []
     monkeypatch.setattr(hardware, "told", lambda: told.append(True) or nullcontext())
-    compiling.compile_now()
+    simulated.compile_now()
     assert told == [True]
 
 
 def test_the_simulation_is_what_is_watched():
     """In a process that has already compiled it, there is no report."""
-    compiling.compile_now()
+    simulated.compile_now()
     assert loop.run_periods.signatures
     with compiling.watched(pytest.fail, pytest.fail):
-        compiling.compile_now()
+        simulated.compile_now()
 
 
 @pytest.fixture
@@ -121,7 +121,7 @@ def test_other_commands_report_compiling_too(words, cold, tmp_path, capsys, monk
 
 
 def test_no_report_when_the_code_comes_from_the_cache(tmp_path, capsys):
-    compiling.compile_now()
+    simulated.compile_now()
     file = tmp_path / "short.toml"
     file.write_text('setup = "paper-b"\n[profile]\nduration_s = 0.01\n')
     assert main(["run", str(file), "-o", str(tmp_path / "x.npz")]) == 0

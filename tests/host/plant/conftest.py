@@ -130,7 +130,7 @@ MACHINES = {
     ),
 }  # fmt: skip
 #: The same windings with other displacements of set 2.
-MACHINES |= {
+WINDINGS = MACHINES | {
     f"{name}, {displacement_deg} degrees": replace(
         MACHINES[name], displacement_deg=float(displacement_deg)
     )
@@ -142,6 +142,11 @@ MACHINES |= {
 @pytest.fixture(params=MACHINES)
 def model(request):
     return PhaseModel(MACHINES[request.param])
+
+
+@pytest.fixture(params=WINDINGS)
+def any_winding(request):
+    return PhaseModel(WINDINGS[request.param])
 
 
 @pytest.fixture

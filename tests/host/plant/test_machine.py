@@ -17,6 +17,11 @@ from hexatorque.plant.record import record
 VDC = 300.0
 
 
+@pytest.fixture
+def model(any_winding):
+    return any_winding
+
+
 def vsd(legs, displacement_deg=30.0):
     """alpha, beta, x, y of phase quantities, written out: the papers' rows for 30 degrees, else
     the sum of both sets' space vectors and the conjugate of their difference, halved."""
