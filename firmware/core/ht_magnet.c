@@ -131,24 +131,24 @@ static float at_most(float value, float most)
     return (value > most) ? most : value;
 }
 
-/* Rounds of Newton's rule for the part of a flux across r, from `q` on. Each begins at `across` at most; the
+/* Rounds of Newton's rule for the part of a flux across r, from `begin` on. Each begins at `across` at most; the
  * part along r is at most `along`. */
 static ht_dq of_torque(const ht_magnet_config *m, float r_Wb, ht_dq now, float flux_Wb,
-                       float torque_Nm, float q, float across, float along, int rounds)
+                       float torque_Nm, float begin, float across, float along, int rounds)
 {
     float flux2 = flux_Wb * flux_Wb;
     float product = torque_Nm * m->lq_H / m->torque_gain;
     float least = LEAST_SLOPE * m->psi_f_Wb;
-    ht_dq wanted;
-    for (; rounds > 0; rounds--) {
-        float from = ht_limited(q, across);
-        float d = at_most(part_along(flux2, from), along);
+    ht_dq wanted = {0.0f, begin};
+    int n;
+    for (n = 0; n < rounds; n++) {
+        float q = ht_limited(wanted.q, across);
+        float d = at_most(part_along(flux2, q), along);
         float r = r_Wb + m->share * (d - now.d);
-        float slope = r - m->share * from * from / d;
-        q = from - (from * r - product) / ((slope > least) ? slope : least);
+        float slope = r - m->share * q * q / d;
+        wanted.q = q - (q * r - product) / ((slope > least) ? slope : least);
     }
-    wanted.d = at_most(part_along(flux2, q), along);
-    wanted.q = q;
+    wanted.d = at_most(part_along(flux2, wanted.q), along);
     return wanted;
 }
 
