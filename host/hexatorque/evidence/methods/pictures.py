@@ -26,7 +26,7 @@ LABELS = {
 #: The variants of our schemes, and the laws of the host.
 INK = {
     "κ=0": "#cc79a7", "κ=1": "#117733", "alternating": "#999933", "free": "#332288",
-    "smooth": "#e60000", "clean": "#8c510a",
+    "smooth": "#e60000", "clean": "#0000ff",
 }  # fmt: skip
 LAW_COLOURS = {
     "dtc-svm": "#17becf",
