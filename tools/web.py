@@ -21,6 +21,7 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -160,16 +161,23 @@ def misfits() -> list[dict | None]:
     rows: list[dict | None] = [None]
     for number in range(1, lib.HT_MISFITS):
         row = lib.ht_misfit_describe(number)
-        rows.append(
-            {
-                "first": row.first,
-                "second": row.second,
-                "share": firmware.decimal(row.share),
-                "touch": bool(row.touch),
-                "demand": ffi.string(lib.ht_misfit_demand(number)).decode(),
-            }
-        )
+        of = {"first": row.first, "second": row.second}
+        if row.share > 0:
+            of |= {"share": firmware.decimal(row.share), "touch": bool(row.touch)}
+        else:
+            of["demand"] = ffi.string(lib.ht_misfit_demand(number)).decode()
+        rows.append(of)
     return rows
+
+
+def whole(value: Any) -> Any:
+    """The same for JavaScript: 1 in place of 1.0, and what is false is left out."""
+    if isinstance(value, dict):
+        return {key: whole(one) for key, one in value.items() if one is not False}
+    if isinstance(value, (list, tuple)):
+        return [whole(one) for one in value]
+    short = isinstance(value, float) and value.is_integer() and abs(value) < 1e6
+    return int(value) if short else value
 
 
 def tables(of: list[Held]) -> dict:
@@ -379,7 +387,7 @@ def page(wasm: bytes, blobs: list[bytes], texts: dict) -> str:
         "monitor": script(PAGE / "monitor.js", instead),
         "worker": script(WEB / "worker.js"),
         "analyst": script(PAGE / "analyst.js"),
-        "tables": json.dumps(texts, separators=(",", ":")).encode(),
+        "tables": json.dumps(whole(texts), separators=(",", ":")).encode(),
         "wasm": wasm,
         "setups": b"".join(blobs),
     }

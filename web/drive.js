@@ -212,7 +212,7 @@ export class Drive {
       const value = this.asked[name] ?? this.get(name);
       return `${name} = ${typeof value === "number" ? short(share * value, 6) : value} ${unit}`.trimEnd();
     };
-    if (row.share === 0) {
+    if (!row.share) {
       return `${text}: ${[...new Set([shown(row.first), shown(row.second)])].join(", ")}: ${row.demand}`;
     }
     const word = row.touch ? "allowed is up to" : "must be below";
