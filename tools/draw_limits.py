@@ -159,8 +159,10 @@ def draw_example(name: str, begin_s: float, end_s: float, folder: Path) -> None:
     axes[2].plot(time_s, rec["plant.i_u1_A"][part], color=BLUE, linewidth=0.5, label="of u1")
     xy_A = np.hypot(rec["plant.i_x_A"], rec["plant.i_y_A"])[part]
     axes[2].plot(time_s, xy_A, color=RED, linewidth=0.9, label="in x-y, amplitude")
-    for ax in axes[1:]:
-        ax.legend(**LEGEND, loc="best")
+    low, high = axes[2].get_ylim()
+    axes[2].set_ylim(low, high + 0.25 * (high - low))  # room for the legend
+    axes[1].legend(**LEGEND, loc="best")
+    axes[2].legend(**LEGEND, loc="upper right")
     for ax, label in zip(axes, (SPEED[1], TORQUE[1], "current, A"), strict=True):
         ax.set_ylabel(label, **LABEL)
         ax.set_xlabel("time, s", **LABEL)
