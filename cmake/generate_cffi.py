@@ -53,7 +53,7 @@ FOLDERS = (
     "port/c2000",
     "port/host",
     "port/virtual",
-    "port/fmu",
+    "port/fmu/variables",
     "pil",
     "pil/registers",
     "pil/host",

@@ -36,8 +36,8 @@ HOST = ("port/host", "port/virtual")
 STORE_FOLDER = "port/c2000/store"
 #: For a PC, or for an emulated processor of the tests.
 ELSEWHERE = (
-    *HOST, "pil/host", "pil/registers", "port/avr", "port/avr/simulator", "port/fmu", "port/mps2",
-    "tools",
+    *HOST, "pil/host", "pil/registers", "port/avr", "port/avr/simulator", "port/fmu",
+    "port/fmu/variables", "port/mps2", "tools",
 )  # fmt: skip
 FOLDERS = (*TARGET, *HOST, "port")
 #: The programs: the drive, without and with XCP, and processor in the loop. Folders, files of

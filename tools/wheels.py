@@ -61,7 +61,6 @@ def compiled(name: str, source: Path, folder: Path) -> bytes:
     output.parent.mkdir()
     firmware = source / "firmware"
     include = [f"-I{firmware / room}" for room in layout.FOLDERS]
-    sources = [path for room in layout.FOLDERS for path in sorted((firmware / room).glob("*.c"))]
     words: list[str | Path] = [
         *EXACT,
         "-O3",
@@ -78,7 +77,7 @@ def compiled(name: str, source: Path, folder: Path) -> bytes:
         words.append(exports)
     else:
         words += ["-fPIC", "-s"]  # without -s the C library is that of the C tests
-    zig(name, *words, *sources, "-lm")
+    zig(name, *words, *sources(firmware), "-lm")
     check = folder / name / "layout.c"
     check.write_text(layout.source(), encoding="utf-8")
     zig(name, "-std=c11", *include, "-c", check, "-o", check.with_suffix(".o"))
@@ -87,6 +86,11 @@ def compiled(name: str, source: Path, folder: Path) -> bytes:
     if missing:
         raise SystemExit(f"wheels: {output.name} for {name} lacks {', '.join(missing)}")
     return image
+
+
+def sources(firmware: Path) -> list[Path]:
+    """What CMake compiles into the library."""
+    return [path for room in layout.FOLDERS for path in sorted((firmware / room).glob("*.c"))]
 
 
 def wanted() -> dict[str, bool]:

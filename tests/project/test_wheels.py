@@ -1,10 +1,19 @@
 """`make dist`: what differs between the wheels of the systems, and what does not."""
 
+import json
+import subprocess
+from pathlib import Path
+
 import pytest
 import wheels
+from ccs_projects import CMAKE
+from stand_in_compiler import needs_cmake
 from wheel.wheelfile import WheelFile
 
 from hexatorque._firmware import lib
+
+#: An object of its own, not in the library.
+SIZES = wheels.ROOT / "firmware" / "tools" / "ht_sizes.c"
 
 
 @pytest.fixture
@@ -44,6 +53,15 @@ def test_a_library_has_all_that_python_takes():
     assert names["ht_drive_init"] and not names["ht_f28335"]
     assert all(hasattr(lib, name) for name in names) and len(names) > 150
     assert not [name for name in names if name.startswith("HT_")]
+
+
+@needs_cmake
+def test_zig_compiles_what_cmake_compiles(tmp_path):
+    said = ("-DHT_PYTHON_MODULE=ON", "-DCMAKE_EXPORT_COMPILE_COMMANDS=ON")
+    subprocess.run([CMAKE, "-S", wheels.ROOT, "-B", tmp_path, *said], check=True)
+    commands = json.loads((tmp_path / "compile_commands.json").read_text(encoding="utf-8"))
+    files = {Path(command["file"]) for command in commands} - {SIZES}
+    assert sorted(files) == sorted(wheels.sources(wheels.ROOT / "firmware"))
 
 
 def test_a_system_that_is_none_is_named(ours, monkeypatch):

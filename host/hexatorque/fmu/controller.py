@@ -30,7 +30,9 @@ from .description import build_description, identifier, model_description
 from .variables import starts, variables
 
 #: Folders of the firmware that the FMU has; of the last one only one of the two interfaces.
-FOLDERS = ("core", "app", "link", "port", "port/c2000", "port/host", "port/fmu")
+FOLDERS = (
+    "core", "app", "link", "port", "port/c2000", "port/host", "port/fmu/variables", "port/fmu",
+)  # fmt: skip
 #: What `hexatorque fmu` writes for the sources.
 MADE = "ht_fmu_made.h"
 INITIAL = "ht_fmu_initial.h"
