@@ -304,11 +304,35 @@ def _most_share(level: str, full: str, share: float) -> Callable[[Callable[[str]
     return most
 
 
+def _rounded(value: float, way: Callable[[float], int]) -> str:
+    """Four digits, on the allowed side: the text is taken when it is given back."""
+    if not 0 < value < math.inf:
+        return f"{value:.4g}"
+    nearest = float(f"{value:.4g}")
+    if math.isclose(nearest, value, rel_tol=1e-6):
+        return f"{nearest:.4g}"
+    digit = 10.0 ** (math.floor(math.log10(value)) - 3)
+    return f"{way(value / digit) * digit:.4g}"
+
+
+def _values(value_of: Callable[[str], Any]) -> dict[str, float]:
+    return {name: row.parse(value_of(name)) for name, row in parameters().items()}
+
+
+def _most_rpm(value_of: Callable[[str], Any]) -> float:
+    """Speed at which the magnets induce `vdc_max_V`."""
+    v = _values(value_of)
+    terminal_Wb = lib.ht_magnet_terminal_Wb(v["psi_f_Wb"], v["emf5_share"], v["emf7_share"])
+    return v["vdc_max_V"] / (terminal_Wb * v["pole_pairs"]) * 30 / math.pi
+
+
 #: Misfit -> the largest value of its first parameter beside the others.
 _MOST: dict[int, Callable[[Callable[[str], Any]], float]] = {
     lib.HT_MISFIT_MIN_PULSE: _most_pulse_us,
     lib.HT_MISFIT_COMPARATOR_I: _most_share("i_trip_A", "i_full_A", 1.0),
     lib.HT_MISFIT_COMPARATOR_VDC: _most_share("vdc_max_V", "vdc_full_V", 0.5),
+    lib.HT_MISFIT_CEILING: _most_rpm,
+    lib.HT_MISFIT_SALIENCY: lambda value_of: _values(value_of)["sigma_ls_H"],
 }
 
 
@@ -349,6 +373,19 @@ def least_ripple_Hz(value_of: Callable[[str], Any]) -> float:
     return float(lib.ht_misfit_ripple_Hz(ffi.new("ht_params *", [values])))
 
 
+def _least_counts(value_of: Callable[[str], Any]) -> float:
+    """Fewest readings in a revolution that tell the rotor's angle."""
+    return float(lib.ht_absolute_least(_values(value_of)["pole_pairs"]))
+
+
+def _least_lxy_H(value_of: Callable[[str], Any]) -> float:
+    """Least `lxy_H` with which a period of the scheme's vectors stays below `i_trip_A`."""
+    v = _values(value_of)
+    winding = lib.ht_winding_of(ffi.new("float[]", list(v.values())))
+    step_pu = lib.ht_scheme_xy_step_pu(lib.ht_scheme_describe(int(v["scheme"])), winding)
+    return float(step_pu * v["vdc_max_V"] / (v["i_trip_A"] * v["f_isr_Hz"]))
+
+
 #: The same with its least value.
 _LEAST: dict[int, Callable[[Callable[[str], Any]], float]] = {
     lib.HT_MISFIT_VDC_BAND: least_band_V,
@@ -357,7 +394,11 @@ _LEAST: dict[int, Callable[[Callable[[str], Any]], float]] = {
     lib.HT_MISFIT_HEAT_TIMES: _least_winding_s,
     lib.HT_MISFIT_SHORT_BEARS: _least_short_A,
     lib.HT_MISFIT_XY_RIPPLE: least_ripple_Hz,
+    lib.HT_MISFIT_ABSOLUTE: _least_counts,
+    lib.HT_MISFIT_XY_STEP: _least_lxy_H,
 }
+#: Of these the value is the second's: the first is a choice.
+_OF_SECOND = (lib.HT_MISFIT_XY_STEP,)
 
 
 #: Misfit of a thermistor -> where it is.
@@ -421,16 +462,19 @@ def misfit_reason(misfit: int, value_of: Callable[[str], Any]) -> str:
         both = dict.fromkeys((shown(first), shown(second)))
         allowed = ""
         if misfit in _MOST:
-            most = f"{_MOST[misfit](value_of):.4g} {first.unit}".rstrip()
+            most = f"{_rounded(_MOST[misfit](value_of), math.floor)} {first.unit}".rstrip()
             least = f"{first.min:.4g} " if first.min else "up "
             allowed = f"allowed is {least}to {most}: "
         if misfit in _NTC:
             allowed = f"allowed is {_pull_up_text(misfit, value_of)} {first.unit}: "
         if misfit in _LEAST:
+            of, beside = (second, first) if misfit in _OF_SECOND else (first, second)
             enough = _LEAST[misfit](value_of)
-            allowed = f"allowed is {enough:.4g} {first.unit} and more: "
-            if enough > first.max:
-                other = second.name if second is not first else "another parameter"
+            least = f"{_rounded(enough, math.ceil)} {of.unit}".rstrip()
+            name = f"{of.name} = " if misfit in _OF_SECOND else ""
+            allowed = f"allowed is {name}{least} and more: "
+            if enough > of.max:
+                other = beside.name if beside is not of else "another parameter"
                 allowed = f"no value in its range is enough, change {other}: "
         return f"{', '.join(both)}: {allowed}{_text(lib.ht_misfit_demand(misfit))}"
     share = decimal(row.share)

@@ -62,19 +62,19 @@ CASES = {
     ),
     "SALIENCY": (
         {"machine": "magnet", "ld_H": 0.03, "scheme": "ddr"},
-        "ld_H = 0.03 H, sigma_ls_H = 0.025 H: with magnets L_d may not be above L_q",
+        "ld_H = 0.03 H, sigma_ls_H = 0.025 H: allowed is 1e-06 to 0.025 H: with magnets L_d",
     ),
     "CEILING": (
         {"machine": "magnet", "psi_f_Wb": 0.2, "scheme": "ddr"},
-        "speed_trip_rpm = 6000 r/min, psi_f_Wb = 0.2 Wb: with magnets no current may flow",
+        "speed_trip_rpm = 6000 r/min, psi_f_Wb = 0.2 Wb: allowed is 1 to 5513 r/min: with",
     ),
     "ABSOLUTE": (
         {**MAGNET, "rotor_start": "absolute", "absolute_counts_rev": 143},
-        "absolute_counts_rev = 143, pole_pairs = 2: with rotor_start = absolute the first must be",
+        "absolute_counts_rev = 143, pole_pairs = 2: allowed is 144 and more: with",
     ),
     "XY_STEP": (
         {**MAGNET, "scheme": "dtc2", "lxy_H": 5e-4},
-        "scheme = dtc2, lxy_H = 0.0005 H: with magnets: one period of this scheme's vectors",
+        "scheme = dtc2, lxy_H = 0.0005 H: allowed is lxy_H = 0.0007543 H and more: with",
     ),
     "WINDING": (
         {"displacement_deg": "60", "scheme": "ddr"},
@@ -98,7 +98,7 @@ CASES = {
     ),
     "VDC_BAND": (
         {"vdc_high_V": 350.0, "link_F": 100e-6},
-        "vdc_band_V = 10 V, link_F = 0.0001 F: allowed is 74.23 V and more: the torque answers the",
+        "vdc_band_V = 10 V, link_F = 0.0001 F: allowed is 74.24 V and more: the torque answers the",
     ),
     "STOP_TIME": (
         {"ramp_down_rpm_s": 500.0, "ramp_jerk_rpm_s2": 250.0},
@@ -135,7 +135,7 @@ CASES = {
     ),
     "XY_RIPPLE": (
         {"scheme": "db-ipwm", "lxy_H": 1e-3},
-        "f_isr_Hz = 10000 Hz, lxy_H = 0.001 H: allowed is 1.075e+04 Hz and more: the ripple",
+        "f_isr_Hz = 10000 Hz, lxy_H = 0.001 H: allowed is 1.076e+04 Hz and more: the ripple",
     ),
     "HEAT_RS": (
         {"rs_tells": "resistance", "observer": "compensated"},
@@ -231,6 +231,23 @@ def test_a_misfit_is_told(name):
         assert "do not fit together" in str(error.value) and text in str(error.value)
         assert "\n" not in str(error.value)
     assert {key: running.get(key) for key in parameters()} == before
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        ("SALIENCY", "ld_H"),
+        ("CEILING", "speed_trip_rpm"),
+        ("ABSOLUTE", "absolute_counts_rev"),
+        ("XY_STEP", "lxy_H"),
+        ("VDC_BAND", "vdc_band_V"),
+    ],
+)
+def test_the_end_of_the_told_range_is_taken(name, key):
+    """The text's number is rounded, but not into what is refused."""
+    changes, text = CASES[name]
+    end = re.search(r"allowed is (?:.* to |lxy_H = )?([\d.e+-]+)", text)
+    Controller("f28377s", {**changes, key: float(end[1])})
 
 
 def test_a_demand_that_no_value_meets_names_the_other_parameter():

@@ -357,7 +357,7 @@ def test_a_short_circuit_stays_when_an_interrupt_is_lost(device):
 @pytest.mark.parametrize(
     "changes, words",
     [
-        ({"controller__magnets_bear_A": 30.0}, "allowed is 61.89 A and more: the current of a"),
+        ({"controller__magnets_bear_A": 30.0}, "allowed is 61.9 A and more: the current of a"),
         ({"controller__magnets_bear_A": 0.0}, "would demagnetise the machine"),
         ({"sensors__i_full_A": 60.0}, "the first may be 0.885 times the second at most"),
         ({"controller__trip_state": "gates-off", "controller__speed_trip_rpm": 9000.0},
