@@ -215,7 +215,7 @@ def _with_others(findings: list[Finding]) -> list[Finding]:
 
     def advised(f: Finding) -> Finding:
         if f.scheme and first and (f.verdict == "bad" or (ready and f.verdict == "doubtful")):
-            return replace(f, advice=f"{f.advice}; or take {first}")
+            return replace(f, advice=f"{f.advice}; {'or ' if f.sign else ''}take {first}")
         if f.subject.startswith(MEAN_PCT) and f.verdict == "note" and hold:
             return replace(f, advice=f"{f.advice}; or take {' or '.join(hold[:3])}")
         return f
@@ -546,7 +546,7 @@ def outcome(
     for kind, of in (("doubtful", doubtful), ("not", wrong)):
         reasons: dict[str, list[str]] = {}
         for scheme, f in of.items():
-            reasons.setdefault(f.subject, []).append(scheme)
+            reasons.setdefault(f.subject if f.sign else _why(f), []).append(scheme)
         for names in reasons.values():
             why = _one_reason([of[scheme] for scheme in names])
             parts.append(f"{kind}: {', '.join(names)}, because {why}")
@@ -1193,7 +1193,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
     row = lib.ht_scheme_describe(firmware.schemes().index(name))
     if not lib.ht_scheme_drives(row, d.winding):
         advice = (
-            "both sets must switch alike, and under this scheme they do not: take db-dtfc or foc"
+            "both sets must switch alike, and under this scheme they do not"
             if lib.ht_law_commands_voltage(row.law)
             else "this winding's large vectors have no x-y voltage to choose or to regulate by"
         )

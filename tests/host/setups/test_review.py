@@ -352,6 +352,15 @@ def said(setup, names=None):
     return outcome(findings, names, setup.parameter("scheme"), "mine.toml")
 
 
+def test_a_winding_that_a_scheme_cannot_drive_is_said_and_no_limit():
+    reached = said(setups.load("symmetrical"))
+    assert "limit" not in reached.text
+    assert (
+        "ddr-ml, because displacement_deg 60: this winding's large vectors have no" in reached.text
+    )
+    assert "foc-24, db-ipwm, because displacement_deg 60: both sets must switch" in reached.text
+
+
 def test_one_line_says_which_schemes_are_ready_and_why_the_others_are_not():
     reached = said(setups.load("small-2kw"))
     assert "\n" not in reached.text
