@@ -37,7 +37,7 @@ def run(scenario, settings, output, as_json) -> int:
     """
     from .. import setups
     from ..drive.simulated import SimulatedDrive
-    from ..firmware import warnings
+    from ..firmware import BUILD, CALIBRATE, warnings
     from ..recording.formats import check_output
 
     console = console_of(as_json)
@@ -69,6 +69,13 @@ def run(scenario, settings, output, as_json) -> int:
     say(as_json, summary)
     if not as_json:
         print(f"recording: {file}: to see it, hexatorque plot {file}")
+        if sim.state in (CALIBRATE, BUILD):
+            takes_s = sum(float(setup.parameter(key)) for key in ("calibration_s", "build_s"))
+            print(
+                f"the profile ends in state {sim.state}, before the drive gives torque: "
+                f"calibration and build-up take about {takes_s:.3g} s, profile.duration_s is "
+                f"{setup.profile.duration_s:g} s"
+            )
     return tripped(sim.state, sim.faults, trip)
 
 

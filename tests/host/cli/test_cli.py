@@ -78,6 +78,15 @@ def test_run_writes_a_recording(tmp_path, suffix, capsys):
     assert recording["plant.speed_rpm"][-1] > 100
 
 
+def test_run_says_that_the_profile_ends_before_the_drive_gives_torque(tmp_path, capsys):
+    """Magnets are aligned for a second and more, as long as the profile of a plain set-up."""
+    output = str(tmp_path / "short.npz")
+    assert main(["run", "magnet-surface", "--set", "profile.duration_s=0.2", "-o", output]) == 0
+    assert "the profile ends in state build" in capsys.readouterr().out
+    assert main(["run", "paper-b", "--set", "profile.duration_s=0.6", "-o", output]) == 0
+    assert "the profile ends" not in capsys.readouterr().out
+
+
 def test_run_says_why_a_drive_tripped(tmp_path, capsys):
     file = tmp_path / "dip.toml"
     file.write_text('setup = "paper-b"\n[profile]\nduration_s = 0.5\nvdc_V = [[0.45, 60]]\n')
