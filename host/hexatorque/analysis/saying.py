@@ -9,11 +9,14 @@ from .run import Run, by_point
 
 #: Td, of which the samples between the control instants are a part.
 RIPPLE = "torque_ripple_td_Nm"
+XY = "ixy_rms_A"
+#: Of the fundamental: a smaller x–y current is rounding, and a ratio to it means nothing.
+ROUNDING = 1e-6
 #: What the sentences compare: key, name, unit, scale.
 FIGURES = (
     (RIPPLE, "torque ripple Td", "N m", 1.0),
     ("thd_inf_pct", "distortion THD∞", "%", 1.0),
-    ("ixy_rms_A", "x–y current", "A", 1.0),
+    (XY, "x–y current", "A", 1.0),
     ("f_sw_Hz", "switching frequency", "kHz", 1e-3),
 )
 #: Where there are too few samples for Td, its place takes the ripple at the control instants.
@@ -59,6 +62,8 @@ def _figures(*runs: Run) -> tuple[tuple[str, str, str, float], ...]:
 def _value(run: Run, key: str) -> float:
     """A figure of merit; NaN if this run has none."""
     value = run.metrics[key]
+    if value is not None and key == XY and value < ROUNDING * (run.metrics.get("i1_A") or 0.0):
+        return 0.0
     return math.nan if value is None else float(value)
 
 

@@ -56,6 +56,15 @@ def test_two_schemes_are_compared_and_the_largest_difference_comes_first(run_wit
     ]
 
 
+def test_an_x_y_current_that_is_rounding_is_compared_with_none(run_with):
+    """Sets 0 or 60 degrees apart have none under dtc1."""
+    two = [run_with("dtc1", 0.6, 20.0, 5e-14, 2000.0), run_with("foc", 0.3, 2.0, 4e-4, 4000.0)]
+    for run in two:
+        run.metrics["i1_A"] = 2.0
+    line = sentences(two, {})[0]
+    assert line.startswith(f"{POINT}FOC has 0.1 of DTC1's distortion") and "x–y" not in line
+
+
 def test_a_mean_torque_off_its_reference_is_told(run_with):
     runs = [run_with("fdr", 0.4), run_with("ddr", 0.4), run_with("foc", 0.4), run_with("dtc1", 0.4)]
     for run, percent, error_Nm in zip(runs, (-12.0, 3.0, -1.9, None), (-3.4, 0.9, -0.5, None)):
