@@ -180,6 +180,8 @@ def inconsistent(setup: Setup) -> list[str]:
     """Conflicts between values that are each in range; one line each."""
     model = setup["machine.model"]
     lines = foreign(setup.values["machine"], model)
+    if lines:
+        return lines  # another model's values are in the place of this one's
     for added, to in (("drs_ohm", "rs_ohm"), ("dlls_H", "lls_H"), ("dlls_H", "lxy_H")):
         if not {added, to} <= constants_of(model):
             continue

@@ -589,6 +589,15 @@ def test_an_inductance_across_that_is_below_the_one_along_is_refused():
 
 
 @pytest.mark.parametrize(
+    "name, model, key",
+    [("magnet-interior", "induction", "psi_f_Wb"), ("paper-a", "magnet", "lm_H")],
+)
+def test_another_model_says_which_values_it_does_not_have(name, model, key):
+    with pytest.raises(SetupError, match=f"machine.{key}: the model {model} has no such value"):
+        setups.load(name).changed(machine__model=model)
+
+
+@pytest.mark.parametrize(
     "changes, words",
     [
         ({"machine.rr_ohm": 2.0}, "machine.rr_ohm: the model magnet has no such value"),
