@@ -319,11 +319,16 @@ def _values(value_of: Callable[[str], Any]) -> dict[str, float]:
     return {name: row.parse(value_of(name)) for name, row in parameters().items()}
 
 
-def _most_rpm(value_of: Callable[[str], Any]) -> float:
-    """Speed at which the magnets induce `vdc_max_V`."""
-    v = _values(value_of)
+def induced_rpm(v: Mapping[str, Any], volts: float) -> float:
+    """Speed at which the magnets that the parameters tell induce this voltage between two
+    terminals."""
     terminal_Wb = lib.ht_magnet_terminal_Wb(v["psi_f_Wb"], v["emf5_share"], v["emf7_share"])
-    return v["vdc_max_V"] / (terminal_Wb * v["pole_pairs"]) * 30 / math.pi
+    return float(volts / (terminal_Wb * v["pole_pairs"]) * 30 / math.pi)
+
+
+def _most_rpm(value_of: Callable[[str], Any]) -> float:
+    v = _values(value_of)
+    return induced_rpm(v, v["vdc_max_V"])
 
 
 #: Misfit -> the largest value of its first parameter beside the others.

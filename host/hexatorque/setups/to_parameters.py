@@ -135,11 +135,30 @@ def beside_the_plant(setup: Values) -> list[str]:
         )
     if setup["load.holding_Nm"] > 0 and float(values["brake_open_s"]) == 0:
         lines.append("load.holding_Nm needs controller.brake_open_s above 0: else nothing opens it")
+    lines += _too_fast_without_gates(values, volts)
     if file := setup.machine_values().get("flux_map"):
         from . import flux_table
 
         lines += flux_table.refused(file, setup["machine.psi_f_Wb"], float(values["i_ab_trip_A"]))
     return lines or load_before_flux(setup)
+
+
+def _too_fast_without_gates(values: dict[str, Any], volts: float) -> list[str]:
+    """A line if the magnets drive current into the dc link before the speed trip takes the gates
+    off, which then does not end it. The firmware, which knows no nominal voltage, allows up to
+    `vdc_max_V`."""
+    from .. import firmware
+
+    if (values["machine"], values["trip_state"]) != ("magnet", "gates-off"):
+        return []
+    trip_rpm, most_rpm = float(values["speed_trip_rpm"]), firmware.induced_rpm(values, volts)
+    if trip_rpm <= most_rpm:
+        return []
+    return [
+        f"controller.speed_trip_rpm = {trip_rpm:g}: allowed is up to {math.floor(most_rpm)} r/min, "
+        f"where the magnets induce {volts:g} V, inverter.vdc_V, and gates off do not end the "
+        "current; controller.trip_state = short-circuit permits more"
+    ]
 
 
 def load_before_flux(setup: Values) -> list[str]:

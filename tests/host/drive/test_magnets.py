@@ -604,6 +604,8 @@ def test_another_model_says_which_values_it_does_not_have(name, model, key):
         ({"machine.ld_H": 20e-3}, "with magnets L_d may not be above L_q"),
         ({"machine.psi_f_Wb": 0.0}, "machine.psi_f_Wb = 0: allowed range is 1e-05 .. 100 Wb"),
         ({"controller.speed_trip_rpm": 9000.0}, "the magnets may induce vdc_max_V at most"),
+        # Gates off at 6000 r/min left 6.1 A there, 6.3 A is rated.
+        ({"controller.speed_trip_rpm": 6900.0}, "allowed is up to 4964 r/min, where the magnets"),
         ({"controller.ride_through": "least-loss", "controller.i_rated_A": 4.5,
           "controller.trip_state": "short-circuit", "controller.magnets_bear_A": 75.0,
           "sensors.i_full_A": 90.0}, "a short circuit brakes with all legs"),
