@@ -10,7 +10,8 @@ and the sensors have noise, offsets, wrong gains and steps.
 
 Machines with magnets are drawn and told in `magnets`.
 
-What is told of the others, in four ways (WAYS). The controller is designed from that alone. `check`
+What is told of the others, in four ways (WAYS). A part of them is also wound with its sets 0 or 60
+degrees apart. The controller is designed from that alone. `check`
 judges the set-up with what was told, and the scheme is the one that it finds best, as in
 `hexatorque new`.
 
@@ -47,15 +48,21 @@ from .truths import SCATTER, Told, Truth, asked
 TITLE = "Machines of all sizes: driven by those who do not know them"
 #: Drawn machines. In quick form these numbers; the last one is a published machine.
 DRAWN, QUICK = 200, (0, 203)
+#: The circuit of a machine with another winding than the others, which have 30 degrees. Drawn and
+#: published machines, half of them with 0 degrees, half with 60.
+SETS = "circuit, sets 0° or 60° apart"
+SETS_DEG, OF_SETS = (0, 60), (*range(30), *range(DRAWN, DRAWN + 10))
 #: Ways in, with the share of the machines that the scheme which `new` writes must drive.
 WAYS = {
     "plate": 0.90,
     "plate with cos φ": 0.97,
     "circuit ±10 to 30 %": 0.98,
     "least keys": 0.98,
+    SETS: 0.98,
     magnets.WAY: 0.98,
 }
-OTHER_WAYS = [way for way in WAYS if way != magnets.WAY]
+#: Each with every induction machine.
+OTHER_WAYS = [way for way in WAYS if way not in (SETS, magnets.WAY)]
 #: Of what `check` passes this share must hold, of what it calls bad this share must fail. What it
 #: doubts is neither: an estimate decides.
 HOLDS, FAILS = 0.98, 0.90
@@ -140,7 +147,7 @@ def _starting_s() -> list[float]:
     ]
 
 
-def truth(number: int) -> Induction:
+def truth(number: int, way: str = "") -> Induction:
     """Those from DRAWN on are the published ones."""
     draw, known = random.Random(number), published.machines()
 
@@ -179,6 +186,8 @@ def truth(number: int) -> Induction:
         "lxy_H": draw.uniform(LXY_LEAST, 1.0) * circuit.lls_H,
         "inertia_kgm2": rotor_kgm2 * (1 + _logarithmic(draw, LOAD_INERTIA)),
     }
+    if way == SETS:
+        machine["displacement_deg"] = SETS_DEG[number % len(SETS_DEG)]
     stamped = replace(
         plate,
         power_kW=float(f"{plate.power_kW:.3g}"),
@@ -211,6 +220,8 @@ def told(true: Induction, way: str) -> Told:
         setup = setups.parse(new.from_nameplate(text, "machine"), "machine")
     elif way.startswith("circuit"):
         given = {**circuit, "current_A": plate.current_A, "vdc_V": vdc_V}
+        if way == SETS:
+            given["displacement_deg"] = true.machine["displacement_deg"]
         setup = setups.parse(new.from_circuit(_list(given), "machine"), "machine")
     else:
         speed_rpm *= draw.uniform(0.5, 1.1)
@@ -282,7 +293,7 @@ def row(number: int, way: str) -> dict[str, Any]:
         true = one = magnets.truth(number)
         tell = partial(magnets.told, one)
     else:
-        true = other = truth(number)
+        true = other = truth(number, way)
         tell = partial(told, other, way)
     found: dict[str, Any] = {
         "number": number,
@@ -301,7 +312,8 @@ def row(number: int, way: str) -> dict[str, Any]:
         return {**found, "refused": str(error)}
     written = best(findings, schemes)[0] or new.FALLBACK
     chosen = [written]
-    if with_magnets or OTHER_WAYS[number // len(schemes) % len(OTHER_WAYS)] == way:
+    of_others = OTHER_WAYS[number // len(schemes) % len(OTHER_WAYS)]
+    if way in (SETS, magnets.WAY, of_others):
         chosen.append(schemes[number % len(schemes)])
     for scheme in dict.fromkeys(chosen):
         found["tried"][scheme] = {
@@ -325,6 +337,7 @@ def study(
 ) -> dict:
     numbers = QUICK if quick else range(DRAWN + len(published.machines()))
     cases = [(number, way) for number in numbers for way in OTHER_WAYS]
+    cases += [(number, SETS) for number in OF_SETS if number in numbers]
     cases += [(number, magnets.WAY) for number in magnets.numbers(quick)]
     rows = each(one, cases, folder, progress)
     return {"quick": quick, "rows": rows}
