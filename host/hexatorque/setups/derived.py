@@ -49,9 +49,9 @@ NO_LOAD_SHARE = 0.4
 #: the voltage turns such a flux at the load's speed. Near pull-out a leakage and an R_r that are
 #: 30 % off make the torque so wrong that the torque limit does not carry the load at low speed.
 ASKED_OF_PULL_OUT, MOST_OF_PULL_OUT = 0.4, 0.5
-#: And at least this one. Rated torque is more of the pull-out torque in 62 of 64 published
+#: And at least this one. Rated torque is more of the pull-out torque in 63 of 64 published
 #: machines: of more flux a machine with little no-load current has no use, and it saturates.
-LEAST_OF_PULL_OUT = 0.3
+LEAST_OF_PULL_OUT = 0.25
 #: Torque limit over rated torque.
 LIMIT_PER_RATED = 1.5
 #: And over the pull-out torque, if that leaves the rated torque: a leakage that is a quarter larger
@@ -483,7 +483,7 @@ OPEN: dict[str, Rule] = {
     "flux_ref_Wb": Rule(
         "rated.flux_Wb; without it the least of: 20 % of the sensors' range times L_s, 40 % of "
         "rated.current_A times L_s (without it, of the current at the largest load of point and "
-        "profile, or what makes this load 30 % of the pull-out torque), 80 % of psi_knee_Wb, 90 % "
+        "profile, or what makes this load 25 % of the pull-out torque), 80 % of psi_knee_Wb, 90 % "
         "of what the usable voltage turns at rated.speed_rpm (without it, at the fastest speed of "
         "point and profile); the second and the last are as much as makes this load half of the "
         "pull-out torque; 40 % if the voltage turns that at the fastest speed with a load",
