@@ -49,8 +49,8 @@ NO_LOAD_SHARE = 0.4
 #: the voltage turns such a flux at the load's speed. Near pull-out a leakage and an R_r that are
 #: 30 % off make the torque so wrong that the torque limit does not carry the load at low speed.
 ASKED_OF_PULL_OUT, MOST_OF_PULL_OUT = 0.4, 0.5
-#: And at least this one. Rated torque is more of the pull-out torque in 63 of 64 published
-#: machines: of more flux a machine with little no-load current has no use, and it saturates.
+#: And at least this one, as of two in three published machines: of more flux a machine with little
+#: no-load current has no use, and it saturates.
 LEAST_OF_PULL_OUT = 0.25
 #: Torque limit over rated torque.
 LIMIT_PER_RATED = 1.5

@@ -421,7 +421,7 @@ def plot(result: dict, path: Path) -> Path:
     from ...analysis import plots
 
     schemes = (WRITTEN, *firmware.schemes())
-    figure, axes = plots.new_figure(1, len(WAYS), 3.6, sharex=True, sharey=True)
+    figure, axes = plots.new_figure(2, len(WAYS) // 2, 5.4, sharex=True, sharey=True)
     kinds = {
         "driven": ("o", plots.COLOUR["i_u1"]),
         "check says no": ("_", plots.COLOUR["i_x"]),
@@ -442,6 +442,7 @@ def plot(result: dict, path: Path) -> Path:
             axis.plot(powers, heights, marker, ms=3, color=colour, label=kind)
         axis.set_xscale("log")
         axis.set_title(way, **plots.TITLE)
+    for axis in axes[-1]:
         axis.set_xlabel("rated power [kW]", **plots.LABEL)
     names = [scheme.replace("`", "") for scheme in reversed(schemes)]
     axes.flat[0].set_yticks(range(len(schemes)), names)

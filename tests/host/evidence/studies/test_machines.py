@@ -115,7 +115,7 @@ def test_the_set_up_states_all_that_is_driven(way, monkeypatch):
     if way == magnets.WAY:
         of = magnets.told(true := magnets.truth(3))
     else:
-        of = machines.told(true := machines.truth(145), way)
+        of = machines.told(true := machines.truth(145, way), way)
     assert machines._tried(true, of, "db-dtfc", 145) == ""
     design = Design(of.setup, of.setup.parameter)
     for speed_rpm, load_Nm in driven:
@@ -125,6 +125,15 @@ def test_the_set_up_states_all_that_is_driven(way, monkeypatch):
         )
     top_rpm = max(driven)[0]
     assert max(load_Nm for speed_rpm, load_Nm in driven if speed_rpm == top_rpm) > 0
+
+
+@pytest.mark.parametrize(("number", "deg"), [(145, 60), (200, 0)])
+def test_another_winding_is_told_and_only_schemes_that_drive_it_are_written(number, deg):
+    true = machines.truth(number, machines.SETS)
+    believed = machines.told(true, machines.SETS).setup
+    for setup in (believed, machines.drive(true, believed, number)):
+        assert setup["machine.displacement_deg"] == str(deg) == setup.parameter("displacement_deg")
+    assert verdict_of(review(believed, ["ddr"], steady=False), "ddr") == "bad"
 
 
 @pytest.mark.parametrize(("number", "threshold"), [(85, False), (3, True)])
@@ -227,9 +236,10 @@ def test_too_few_are_a_failure():
     good = {"rows": [row(way, "ready", "") for way in machines.WAYS]}
     assert machines.failures(good) == []
     lost = {"rows": [*good["rows"], row("plate", "ready", "tripped")]}
+    ways = len(machines.WAYS)
     assert machines.failures(lost) == [
         "plate, as new writes it: 1 of 2, needed are 90 %",
-        "check passes, and it holds: 5 of 6, needed are 98 %",
+        f"check passes, and it holds: {ways} of {ways + 1}, needed are 98 %",
     ]
     foreseen = {"rows": [*good["rows"] * 20, row("plate", "bad", "tripped")]}
     assert machines.failures(foreseen) == []
@@ -251,7 +261,8 @@ def test_the_tables_and_the_picture_have_every_way_and_scheme(tmp_path):
     (_, _, driven), (_, _, said) = machines.grid(lost)
     assert len(driven) == len(machines.WAYS) * (len(firmware.schemes()) + 1)
     assert len(said) == len(firmware.schemes()) + 1
-    assert said[0] == [machines.WRITTEN, "5 of 6", "0 of 2", "1 of 1"]
+    ways = len(machines.WAYS)
+    assert said[0] == [machines.WRITTEN, f"{ways} of {ways + 1}", "0 of 2", "1 of 1"]
     path = machines.plot(lost, tmp_path / "machines.png")
     assert path.read_bytes()[:4] == b"\x89PNG"
 
