@@ -334,9 +334,10 @@ def test_large_and_fast_machines_get_a_set_up_that_the_firmware_takes(plate, spe
 @pytest.mark.parametrize(("tag", "off_share"), [("user", 1 / 0.7 - 1), ("measured", 0.15)])
 def test_the_flux_check_bears_a_resistance_that_is_off(tag, off_share):
     """One that is told may be 30 % too small; a measured one is 15 % off. The stator flux leaves
-    its estimate by as much of R_s i a second, and i flows at the torque limit. The rotor's equation, step by step: d psi_r/dt = R_r (L_m i_d - psi_r)/L_r, where the
-    rotor flux keeps its distance from the stator's. What i_d is more than before the flux moved,
-    less what the moved flux takes by itself, is off the circle diagram."""
+    its estimate by as much of R_s i a second, and i flows at the torque limit. The rotor's
+    equation, step by step: d psi_r/dt = R_r (L_m i_d - psi_r)/L_r, where the rotor flux keeps its
+    distance from the stator's. What i_d is more than before the flux moved, less what the moved
+    flux takes by itself, is off the circle diagram."""
     told = setups.parse(new.from_circuit(SLOW_ROTOR, "x"), "x")
     known = {key: Value(told[f"machine.{key}"], tag) for key in ("rs_ohm", "lm_H")}
     setup = replace(told, values={**told.values, "machine": {**told.values["machine"], **known}})
