@@ -102,6 +102,34 @@ def test_all_bits_of_16_bit_int(quick, need):
     assert (outcome.steps, outcome.state) == (2500, "run")
 
 
+def test_magnets_with_16_bit_int(need):
+    """3000 closed-loop steps on the ATmega2560 through a law of each kind. The encoder tells the
+    angle, so no alignment takes a second."""
+    need("atmega2560")
+    setup = setups.load("magnet-surface").changed(
+        sensors__absolute_counts_rev=8192, controller__rotor_start="absolute",
+        controller__build_s=0.05, timing__latency="predicted",
+    )  # fmt: skip
+    changes = ((0.15, "scheme", "db-dtfc"), (0.2, "scheme", "foc"), (0.25, "scheme", "ddr"))
+    profile = Profile(
+        duration_s=0.3, speed_rpm=((0.11, 300.0),), load_Nm=((0.13, 1.0),), set=changes,
+        samples_per_period=1,
+    )  # fmt: skip
+    with emulator_process.emulator("atmega2560") as target:
+        outcome = pil.compare(setup.changed(controller__scheme="ddr"), profile, target)
+    assert outcome.failures() == []
+    assert (outcome.steps, outcome.state) == (3000, "run")
+
+
+def test_transients_of_magnets_begin_after_their_alignment(m4f):
+    setup = setups.load("magnet-interior").with_scheme("foc")
+    profile = pil.transients(setup)
+    assert profile.speed_rpm[0][0] > float(setup.parameter("build_s"))
+    outcome = pil.compare(setup, profile, m4f)
+    assert outcome.failures() == [] and outcome.state == "run"
+    assert abs(outcome.recording["plant.speed_rpm"]).max() > 0.9 * setup["point.speed_rpm"]
+
+
 def test_the_state_test_bit_by_bit(quick, m4f):
     """Direct voltages, then every wave."""
     changes = [(0.1, "test_x_V", 6.0), (0.11, "test_alpha_V", 4.0), (0.11, "test_Hz", 333.3)]

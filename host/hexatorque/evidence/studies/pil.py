@@ -18,15 +18,16 @@ from ...boards.processor import Target, TargetController, WatchedController, ima
 from ...drive.simulated import SimulatedDrive
 from ...experiments.operating_points import Progress
 from ...recording.recording import Recording
-from ...setups import Profile, Setup
+from ...setups import Profile, Setup, SetupError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 #: Controllers that keep a log of their registers.
 Logged = WatchedController | TargetController
-#: Length of the profile with transients around a set-up's operating point.
-DURATION_S = 2.0
+#: Length of the profile with transients around a set-up's operating point, and when it asks for
+#: speed. A drive that gives no torque by then is waited for: one that aligns magnets takes longer.
+DURATION_S, BEGIN_S = 2.0, 0.4
 
 
 @dataclass
@@ -73,17 +74,27 @@ def transients(setup: Setup) -> Profile:
     """Two seconds with all transients: start, speed step, load step, reversal, and a change to
     another scheme and back while the drive runs."""
     scheme = setup["controller.scheme"]
-    predicted = setup["timing.latency"] == "predicted"
-    schemes = [s for s in firmware.schemes() if predicted or not firmware.needs_prediction(s)]
+    schemes = [s for s in firmware.schemes() if _allowed(setup, s)]
     other = schemes[(schemes.index(scheme) + 1) % len(schemes)]
     speed, load = setup["point.speed_rpm"], setup["point.load_Nm"]
+    ready_s = sum(float(setup.parameter(name)) for name in ("calibration_s", "build_s"))
+    later_s = max(0.0, ready_s - BEGIN_S)
     return Profile(
-        duration_s=DURATION_S,
-        speed_rpm=((0.4, speed), (1.7, -speed)),
-        load_Nm=((0.9, load), (1.6, 0.0)),
-        set=((1.2, "scheme", other), (1.5, "scheme", scheme)),
+        duration_s=later_s + DURATION_S,
+        speed_rpm=((later_s + BEGIN_S, speed), (later_s + 1.7, -speed)),
+        load_Nm=((later_s + 0.9, load), (later_s + 1.6, 0.0)),
+        set=((later_s + 1.2, "scheme", other), (later_s + 1.5, "scheme", scheme)),
         samples_per_period=1,
     )
+
+
+def _allowed(setup: Setup, scheme: str) -> bool:
+    """Whether a drive in this state may change to the scheme."""
+    try:
+        setup.changed(controller__scheme=scheme)
+    except SetupError:
+        return False
+    return True
 
 
 def _first_difference(
