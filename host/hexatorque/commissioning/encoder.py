@@ -106,10 +106,12 @@ def decide(
             "other way, leads u1 with u2, w1 with v2, v1 with w2)"
         )
     if not right[0] < size < right[1]:
+        fits = [f"{_nearest(counts * size):g} counts"]
+        if pairs := _nearest(pole_pairs / size):
+            fits.append(f"or {pairs:g} pole pairs,")
         mistakes.append(
             f"encoder: counts {size:.2f} times the number by encoder_counts_rev = {counts:g} and "
-            f"pole_pairs = {pole_pairs:g}: {_nearest(counts * size):g} counts, or "
-            f"{_nearest(pole_pairs / size):g} pole pairs, would fit"
+            f"pole_pairs = {pole_pairs:g}: {', '.join(fits)} would fit"
         )
     return mistakes
 

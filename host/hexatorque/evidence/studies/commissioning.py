@@ -228,7 +228,7 @@ def miswirings(setup: Setup) -> list[tuple[list[str], dict[str, Any]]]:
         (["encoder: counts backwards"], {"sensors__encoder_wires": "swapped"}),
         (["one channel is open"], {"sensors__encoder_wires": "one open"}),
         (["encoder: counts nothing"], {"sensors__encoder_wires": "open"}),
-        (["encoder: counts", "times what"], {"controller__encoder_counts_rev": counts}),
+        (["encoder: counts", "times the number"], {"controller__encoder_counts_rev": counts}),
         (
             ["encoder: counts", f"{pairs} pole pairs"],
             {"controller__pole_pairs": 1 if pairs > 1 else 2},

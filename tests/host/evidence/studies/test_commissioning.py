@@ -97,11 +97,14 @@ def test_truth_and_belief():
     assert sum(setup["machine.drs_ohm"]) == pytest.approx(0, abs=1e-12)
 
 
-def test_a_mistake_on_a_machine():
+@pytest.mark.parametrize("number", [7, 28, 29])
+def test_a_mistake_on_a_machine(number):
+    """Currents that are exchanged, encoder counts and pole pairs that are told wrong."""
     setup = study.disturbed(study.doubted("small-2kw"), 0)
-    words, changes = study.miswirings(setup)[7]
+    words, changes = study.miswirings(setup)[number]
     found = study.miswired(setup, words, changes)
     assert found["named"] and 0 < found["largest_pu"] < 1
+    assert not any(" 0 pole pairs" in line for line in found["mistakes"])
 
 
 @pytest.mark.skipif(not SHARE, reason="commissions two machines: HT_WHOLE runs it")
