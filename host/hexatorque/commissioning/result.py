@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from .. import firmware
 from ..chips import DEVICES
 from ..drive.board import BoardDrive
 from ..drive.interface import DriveVerbs
@@ -184,7 +186,10 @@ def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
         sections["point"] = {"speed_rpm": speed_rpm, "load_Nm": _measured(fan)}
     head = [f"title = {json.dumps(title)}", 'defaults = "firmware"', *_curves(found)]
     alone = parameters(parse(_text(head, sections), title, whole=False))
-    return _text(head, {**sections, "controller": _controller(drive, values, alone)})
+    controller = _controller(drive, values, alone)
+    if found.emf:
+        controller |= _below_the_ceiling({**alone, **controller}, found.resistance.vdc_V)
+    return _text(head, {**sections, "controller": controller})
 
 
 def _with_winding(found: Findings, values: Mapping[str, Value]) -> dict[str, object]:
@@ -263,6 +268,16 @@ def _controller(
         elif value != alone[name] if row.choices else np.float32(value) != np.float32(alone[name]):
             entries[name] = value
     return entries
+
+
+def _below_the_ceiling(now: Mapping[str, Any], vdc_V: float) -> dict[str, object]:
+    """A lower speed trip, where gates off would not end the current of the magnets that were
+    measured."""
+    most_rpm = firmware.induced_rpm(now, vdc_V)
+    if now["trip_state"] != "gates-off" or float(now["speed_trip_rpm"]) <= most_rpm:
+        return {}
+    note = f"the magnets induce the dc link's voltage at {most_rpm:.0f} r/min"
+    return {"speed_trip_rpm": _assumed(math.floor(derived.BELOW_CEILING * most_rpm), note)}
 
 
 def _latency(drive: DriveVerbs) -> dict[str, object]:

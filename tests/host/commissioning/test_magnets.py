@@ -367,6 +367,9 @@ def test_a_machine_with_magnets_is_measured_and_written():
     assert written["machine.psi_f_Wb"] == pytest.approx(sim.machine.psi_f_Wb, rel=0.01)
     assert written["machine.lq_H"] == pytest.approx(sim.machine.lq_H, rel=0.02)
     assert written.values["machine"]["ld_H"].tag == "measured"
+    # The drive believed in weaker magnets: its own speed trip is above the true ones' ceiling.
+    ceiling_rpm = sim.machine.ceiling_rpm(sim.setup["inverter.vdc_V"])
+    assert written["controller.speed_trip_rpm"] < ceiling_rpm < float(sim.get("speed_trip_rpm"))
     # The angle is right: the drive starts with it, and its torque turns the shaft as asked.
     sim.set_many({"speed_ref_rpm": 300.0, "control_mode": "speed", "start_mode": "drive"})
     sim.start()
