@@ -135,7 +135,7 @@ def beside_the_plant(setup: Values) -> list[str]:
         )
     if setup["load.holding_Nm"] > 0 and float(values["brake_open_s"]) == 0:
         lines.append("load.holding_Nm needs controller.brake_open_s above 0: else nothing opens it")
-    lines += _too_fast_without_gates(values, volts)
+    lines += _too_fast_without_gates(setup, values, volts)
     if file := setup.machine_values().get("flux_map"):
         from . import flux_table
 
@@ -143,15 +143,17 @@ def beside_the_plant(setup: Values) -> list[str]:
     return lines or load_before_flux(setup)
 
 
-def _too_fast_without_gates(values: dict[str, Any], volts: float) -> list[str]:
+def _too_fast_without_gates(setup: Values, values: dict[str, Any], volts: float) -> list[str]:
     """A line if the magnets drive current into the dc link before the speed trip takes the gates
-    off, which then does not end it. The firmware, which knows no nominal voltage, allows up to
-    `vdc_max_V`."""
+    off, which then does not end it: those of the machine, and those that the drive believes in. The
+    firmware, which knows no nominal voltage, allows up to `vdc_max_V`."""
     from .. import firmware
 
-    if (values["machine"], values["trip_state"]) != ("magnet", "gates-off"):
+    if (setup["machine.model"], values["trip_state"]) != ("magnet", "gates-off"):
         return []
-    trip_rpm, most_rpm = float(values["speed_trip_rpm"]), firmware.induced_rpm(values, volts)
+    machine: Any = Known(setup, values).machine
+    most_rpm = max(machine.ceiling_rpm(volts), firmware.induced_rpm(values, volts))
+    trip_rpm = float(values["speed_trip_rpm"])
     if trip_rpm <= most_rpm:
         return []
     return [
