@@ -319,6 +319,11 @@ def _values(value_of: Callable[[str], Any]) -> dict[str, float]:
     return {name: row.parse(value_of(name)) for name, row in parameters().items()}
 
 
+def _params(value_of: Callable[[str], Any]) -> CData:
+    """The C's `ht_params`."""
+    return ffi.new("ht_params *", [list(_values(value_of).values())])
+
+
 def induced_rpm(v: Mapping[str, Any], volts: float) -> float:
     """Speed at which the magnets that the parameters tell induce this voltage between two
     terminals."""
@@ -343,24 +348,21 @@ _MOST: dict[int, Callable[[Callable[[str], Any]], float]] = {
 
 def least_band_V(value_of: Callable[[str], Any]) -> float:
     """Least `vdc_band_V` that the capacitor holds."""
-    values = [row.parse(value_of(name)) for name, row in parameters().items()]
-    return float(lib.ht_misfit_band_V(ffi.new("ht_params *", [values])))
+    return float(lib.ht_misfit_band_V(_params(value_of)))
 
 
 def _least_stop_s(misfit: int) -> Callable[[Callable[[str], Any]], float]:
     """Least `stop_s` that holds a misfit's ramp."""
 
     def least(value_of: Callable[[str], Any]) -> float:
-        values = [row.parse(value_of(name)) for name, row in parameters().items()]
-        return float(lib.ht_misfit_stop_s(ffi.new("ht_params *", [values]), misfit))
+        return float(lib.ht_misfit_stop_s(_params(value_of), misfit))
 
     return least
 
 
 def _least_winding_s(value_of: Callable[[str], Any]) -> float:
     """Least `winding_s` that the slow interrupts follow; infinite if the frame is too quick."""
-    values = [row.parse(value_of(name)) for name, row in parameters().items()]
-    others = lib.ht_misfit_heat_per_s(ffi.new("ht_params *", [values]))
+    others = lib.ht_misfit_heat_per_s(_params(value_of))
     others -= 1 / parameters()["winding_s"].parse(value_of("winding_s"))
     left = 0.125 * parameters()["f_slow_Hz"].parse(value_of("f_slow_Hz")) - others
     return 1 / left if left > 0 else math.inf
@@ -368,14 +370,12 @@ def _least_winding_s(value_of: Callable[[str], Any]) -> float:
 
 def _least_short_A(value_of: Callable[[str], Any]) -> float:
     """Largest current of the short circuit of all legs, which the magnets must bear."""
-    values = [row.parse(value_of(name)) for name, row in parameters().items()]
-    return float(lib.ht_misfit_short_A(ffi.new("ht_params *", [values])))
+    return float(lib.ht_misfit_short_A(_params(value_of)))
 
 
 def least_ripple_Hz(value_of: Callable[[str], Any]) -> float:
     """Least `f_isr_Hz` at which the ripple of interleaved carriers is small enough."""
-    values = [row.parse(value_of(name)) for name, row in parameters().items()]
-    return float(lib.ht_misfit_ripple_Hz(ffi.new("ht_params *", [values])))
+    return float(lib.ht_misfit_ripple_Hz(_params(value_of)))
 
 
 def _least_counts(value_of: Callable[[str], Any]) -> float:
@@ -413,8 +413,7 @@ _NTC = {lib.HT_MISFIT_WINDING_NTC: "winding", lib.HT_MISFIT_SINK_NTC: "sink"}
 def _pull_up_text(misfit: int, value_of: Callable[[str], Any]) -> str:
     """Pull-up resistors with which the readings tell all temperatures."""
     table, place = parameters(), _NTC[misfit]
-    values = [row.parse(value_of(name)) for name, row in table.items()]
-    hot_degC = lib.ht_misfit_ntc_degC(ffi.new("ht_params *", [values]), misfit)
+    hot_degC = lib.ht_misfit_ntc_degC(_params(value_of), misfit)
     ohm, beta_K = (
         table[name].parse(value_of(name)) for name in (f"{place}_ntc_ohm", f"{place}_ntc_K")
     )

@@ -10,10 +10,10 @@ and the sensors have noise, offsets, wrong gains and steps.
 
 Machines with magnets are drawn and told in `magnets`.
 
-What is told of the others, in four ways (WAYS). A part of them is also wound with its sets 0 or 60
-degrees apart. The controller is designed from that alone. `check`
+What is told of the others, in four ways (WAYS). The controller is designed from that alone. `check`
 judges the set-up with what was told, and the scheme is the one that it finds best, as in
-`hexatorque new`.
+`hexatorque new`. Some of these machines are driven once more, with their sets 0 or 60 degrees
+apart.
 
 Then the true machine stands in front of the drive: 3, 30, 100 and 150 % of the speed, the torque
 with both signs, load drops and reversals (`acceptance.whole`).
@@ -52,15 +52,14 @@ DRAWN, QUICK = 200, (0, 203)
 #: published machines, half of them with 0 degrees, half with 60.
 SETS = "circuit, sets 0° or 60° apart"
 SETS_DEG, OF_SETS = (0, 60), (*range(30), *range(DRAWN, DRAWN + 10))
-#: Ways in, with the share of the machines that the scheme which `new` writes must drive. `check`
-#: says beforehand which machines with magnets no scheme drives on their converter.
+#: Ways in, with the share of the machines that the scheme which `new` writes must drive.
 WAYS = {
     "plate": 0.90,
     "plate with cos φ": 0.97,
     "circuit ±10 to 30 %": 0.98,
     "least keys": 0.98,
     SETS: 0.98,
-    magnets.WAY: 0.9,
+    magnets.WAY: 0.98,
 }
 #: Each with every induction machine.
 OTHER_WAYS = [way for way in WAYS if way not in (SETS, magnets.WAY)]
