@@ -22,8 +22,16 @@ import os
 from collections import Counter
 from pathlib import Path
 
+import hypothesis
 import pytest
 from forked import end_server
+
+# Every run draws the same inputs, as it runs the same cases of a campaign: who clones this sees
+# what CI saw. HT_INPUTS=new draws others.
+if os.environ.get("HT_INPUTS") != "new":
+    same = hypothesis.settings(derandomize=True, database=None)
+    hypothesis.settings.register_profile("same inputs", parent=same)
+    hypothesis.settings.load_profile("same inputs")
 
 TESTS = Path(__file__).parent
 # What is no terminal has no width. GNU readline sets this for processes that pytest starts.
