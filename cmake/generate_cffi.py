@@ -18,6 +18,8 @@ from cffi import FFI
 HEADERS = (
     "ht_drive.h",
     "ht_misfit.h",
+    "ht_magnet_observer.h",
+    "ht_rotor_rules.h",
     "ht_store.h",
     "ht_log.h",
     "ht_comparator.h",

@@ -3,6 +3,8 @@
 #include "ht_angle.h"
 #include "ht_limited.h"
 #include "ht_misfit.h"
+#include "ht_rotor_rules.h"
+#include "ht_rotors.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -11,8 +13,6 @@
 /* Time constants: the model-based checks average over the transients that a healthy
  * drive shows; mean speed of the flux, quick and slow. */
 #define FLUX_CHECK_S 0.2f
-/* Rotor flux and current are followed this many times faster than the rotor flux can rise. */
-#define ROTOR_FASTER 30.0f
 #define ENCODER_CHECK_S 0.05f
 /* Counts of the encoder in a period, quick mean (HT_COUNTS_SLOW_S). */
 #define COUNTS_QUICK_S 0.0003f
@@ -91,34 +91,6 @@ static void configure_leg_loss(const ht_params *p, float ts, ht_leg_loss_config 
     c->winding = ht_winding_of(p->v);
 }
 
-/* A harmonic of the induced voltage, over the electrical speed. */
-static ht_ab harmonic(float psi_f_Wb, float share, float deg)
-{
-    ht_ab unit = ht_unit(((deg < 0.0f) ? (deg + 360.0f) : deg) / 360.0f);
-    unit.alpha *= psi_f_Wb * share;
-    unit.beta *= psi_f_Wb * share;
-    return unit;
-}
-
-static void configure_magnets(const float *v, ht_observer_config *c)
-{
-    ht_magnet_config *m = &c->magnet;
-    float in_xy;
-    c->magnets = v[HT_P_machine] != 0.0f;
-    m->psi_f_Wb = v[HT_P_psi_f_Wb];
-    m->inv_psi_f = 1.0f / m->psi_f_Wb;
-    m->ld_H = v[HT_P_ld_H];
-    m->lq_H = v[HT_P_sigma_ls_H];
-    m->inv_ld = 1.0f / m->ld_H;
-    m->saliency_H = m->ld_H - m->lq_H;
-    m->share = m->saliency_H * m->inv_ld;
-    m->torque_gain = c->torque_gain;
-    /* Else they are in alpha-beta. */
-    in_xy = (c->winding == HT_WINDING_30) ? 1.0f : 0.0f;
-    m->emf5_Wb = harmonic(in_xy * m->psi_f_Wb, v[HT_P_emf5_share], v[HT_P_emf5_deg]);
-    m->emf7_Wb = harmonic(in_xy * m->psi_f_Wb, v[HT_P_emf7_share], v[HT_P_emf7_deg]);
-}
-
 /* Derive the control configuration, or tell why the values do not fit. */
 static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_config *c)
 {
@@ -156,7 +128,8 @@ static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_co
     c->observer.torque_gain = 3.0f * p->v[HT_P_pole_pairs];
     c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
     c->observer.winding = ht_winding_of(p->v);
-    configure_magnets(p->v, &c->observer);
+    c->observer.rotor = ht_rotor_of(p->v);
+    HT_ROTOR_DOES(c->observer.rotor, configure, (p->v, &c->observer));
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
     c->dead.i_zero_A = p->v[HT_P_i_zero_A];
     configure_law(p, c);
@@ -214,22 +187,15 @@ static void apply_protection(const float *v, ht_protect_config *c)
     c->slip_gain = v[HT_P_rr_ohm] * ratio * ratio;
     c->rpm_per_rad_s = 30.0f / (PI_F * v[HT_P_pole_pairs]);
     c->flux_gain = 1.0f / (1.0f + FLUX_CHECK_S * v[HT_P_f_slow_Hz]);
-    c->rotor_gain = 1.0f; /* R_r not told: every change is taken for a steady state */
-    c->magnetise_A_Wb = 0.0f;
-    if (v[HT_P_rr_ohm] > 0.0f) {
-        c->rotor_gain = v[HT_P_rr_ohm]
-                        / (v[HT_P_rr_ohm] + v[HT_P_lr_H] * v[HT_P_f_slow_Hz] / ROTOR_FASTER);
-        c->magnetise_A_Wb = ROTOR_FASTER / (ratio * v[HT_P_lm_H]);
-    }
     c->slow_Hz = v[HT_P_f_slow_Hz];
     c->slow_turns_s = 1.0f / (2.0f * PI_F * v[HT_P_f_slow_Hz]);
     c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
-    c->magnets = v[HT_P_machine] != 0.0f;
-    c->inv_psi_f = 1.0f / v[HT_P_psi_f_Wb];
     c->counts_quick = encoder_gain(v, COUNTS_QUICK_S);
     c->counts_slow = encoder_gain(v, HT_COUNTS_SLOW_S);
     c->most_counts = v[HT_P_encoder_trip_rpm] * v[HT_P_encoder_counts_rev]
                      / (60.0f * v[HT_P_f_isr_Hz]);
+    c->rotor = ht_rotor_of(v);
+    HT_ROTOR_DOES(c->rotor, configure_protect, (v, c));
 }
 
 /* No measured voltage is as high. */
@@ -266,7 +232,7 @@ static void configure_least_loss(const float *v, float pull_out_Nm_Wb2, ht_least
     float main_H = ratio * v[HT_P_lm_H];
     float ls_H = v[HT_P_sigma_ls_H] + main_H;
     float slip_rad_s = v[HT_P_encoder_trip_rpm] * v[HT_P_pole_pairs] * (PI_F / 30.0f);
-    float floor_Wb = 0.0f;
+    float floor_Wb;
     float wait = v[HT_P_flux_wait_s] * v[HT_P_f_slow_Hz];
     c->error_gain = 1.0f / (1.0f + TORQUE_ERROR_S * v[HT_P_f_slow_Hz]);
     c->per_Nm = 1.0f / (3.0f * v[HT_P_pole_pairs] * main_H);
@@ -282,9 +248,7 @@ static void configure_least_loss(const float *v, float pull_out_Nm_Wb2, ht_least
         float by_slip = 3.0f * v[HT_P_pole_pairs] * slip_rad_s / c->rotor_ohm;
         c->reach_Nm_Wb2 = (by_slip < pull_out_Nm_Wb2) ? by_slip : pull_out_Nm_Wb2;
     }
-    if (v[HT_P_machine] == 0.0f) { /* with magnets the reserve depends on the current, too */
-        floor_Wb = sqrtf(v[HT_P_flux_reserve_Nm] / c->reach_Nm_Wb2);
-    }
+    floor_Wb = HT_ROTOR_DOES(ht_rotor_of(v), reserve_Wb, (v, c->reach_Nm_Wb2));
     c->floor_Wb = (floor_Wb > v[HT_P_flux_min_Wb]) ? floor_Wb : v[HT_P_flux_min_Wb];
     c->wait = (uint32_t)wait;
 }
@@ -406,13 +370,13 @@ static void configure_outputs(const float *v, ht_outputs_config *c)
 /* How the angle is known that the alignment only checks. */
 static void configure_zero(const float *v, ht_drive_config *c)
 {
-    bool magnets = c->control.observer.magnets;
+    bool has_axis = HT_ROTOR_DOES(c->control.observer.rotor, has_axis, ());
     uint32_t counts_rev = c->alignment.counts_rev;
     uint16_t pairs = c->alignment.pole_pairs;
-    c->index.used = magnets && (v[HT_P_rotor_start] == HT_ROTOR_START_INDEX);
+    c->index.used = has_axis && (v[HT_P_rotor_start] == HT_ROTOR_START_INDEX);
     c->index.counts_rev = counts_rev;
     c->index.near_counts = ht_index_near_counts(counts_rev, pairs);
-    c->absolute.used = magnets && (v[HT_P_rotor_start] == HT_ROTOR_START_ABSOLUTE);
+    c->absolute.used = has_axis && (v[HT_P_rotor_start] == HT_ROTOR_START_ABSOLUTE);
     if (c->absolute.used) {
         ht_absolute_configure(&c->absolute, counts_rev, v[HT_P_absolute_counts_rev],
                               v[HT_P_absolute_direction] != 0.0f, pairs);

@@ -50,11 +50,11 @@ typedef struct {
     ht_set_difference_config sets;
     float adapt_gain; /**< of the resistances, per slow interrupt */
     float build_gain; /**< the same during the build-up */
-    float flux_gain;  /**< of the magnets' flux */
+    float flux_gain;  /**< of the rotor's own flux */
     float built;      /**< slow interrupts of a build-up whose R_s tells something */
     ht_params params; /**< the parameters that all this is derived from */
     ht_excitation_config excitation;
-    ht_alignment_config alignment; /**< of a rotor with magnets */
+    ht_alignment_config alignment; /**< of a rotor with a d axis */
     ht_short_circuit_config short_circuit;
     ht_outputs_config outputs;
     ht_ntc_config ntc[HT_SLOW_CHANNELS];

@@ -1,5 +1,6 @@
 #include "ht_derating.h"
 
+#include "ht_rotor_rules.h"
 #include "ht_schemes.h"
 #include "ht_tables.h"
 
@@ -20,26 +21,6 @@
 #define MOST_SHARE 0.8f
 /* Share of the current that raises the flux at most. What is across it: sqrt(1 - 0.9^2). */
 #define RISING_SHARE 0.9f
-
-/* The same with magnets: the least that makes this torque. */
-static float limit_of_magnets_A(const ht_magnet_config *m, const float *v)
-{
-    ht_dq i = ht_magnet_least_A(m, v[HT_P_torque_limit_Nm]);
-    return sqrtf(i.d * i.d + i.q * i.q);
-}
-
-/* Steady current, amplitude, at the torque limit and the flux reference, by the circle diagram. */
-static float limit_A(const ht_derating_config *c, const float *v)
-{
-    float unit_A = v[HT_P_flux_ref_Wb] / c->ls_H;
-    float centre_A = unit_A * 0.5f / c->lean;
-    float radius_A = centre_A - unit_A;
-    float across_A = v[HT_P_torque_limit_Nm] / (c->torque_gain * v[HT_P_flux_ref_Wb]);
-    float along_A;
-    across_A = (across_A < radius_A) ? across_A : radius_A;
-    along_A = centre_A - sqrtf(radius_A * radius_A - across_A * across_A);
-    return sqrtf(along_A * along_A + across_A * across_A);
-}
 
 static void configure_ripple(const float *v, ht_derating_config *c)
 {
@@ -69,7 +50,7 @@ void ht_derating_configure(const ht_params *p, const ht_control_config *control,
     c->lean = sigma / (1.0f + sigma);
     c->best_Wb_A = c->ls_H * sqrtf(0.5f - c->lean + c->lean * c->lean) / (1.0f - c->lean);
     c->torque_gain = 3.0f * v[HT_P_pole_pairs];
-    c->limit_A = machine->magnets ? limit_of_magnets_A(&machine->magnet, v) : limit_A(c, v);
+    c->limit_A = HT_ROTOR_DOES(machine->rotor, limit_A, (c, machine, v));
     configure_ripple(v, c);
 }
 

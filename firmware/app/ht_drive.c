@@ -2,6 +2,7 @@
 #include "ht_angle.h"
 #include "ht_drive_inside.h"
 #include "ht_limited.h"
+#include "ht_rotors.h"
 #include "ht_vsd.h"
 #include "ht_winding.h"
 
@@ -41,6 +42,12 @@ static void turn_rotor(ht_drive *d, int32_t moved)
     d->rotor_faults = faults;
 }
 
+/* The rotor has a d axis. */
+static bool has_axis(const ht_drive *d)
+{
+    return HT_ROTOR_DOES(d->config->control.observer.rotor, has_axis, ());
+}
+
 static void measure(ht_drive *d)
 {
     const ht_samples *s = &d->samples;
@@ -53,7 +60,7 @@ static void measure(ht_drive *d)
     d->in.vdc_V = (float)s->adc[HT_ADC_VDC] * d->v_per_count;
     d->in.turn_rad = ht_limited(turn, TURN_MAX_RAD);
     d->position_now = s->position;
-    if (d->config->control.observer.magnets) {
+    if (has_axis(d)) {
         turn_rotor(d, (int32_t)moved);
     }
 }
@@ -254,7 +261,7 @@ HT_SELDOM static void coast(ht_drive *d)
     const ht_observer_config *c = &d->config->control.observer;
     const ht_ab no_current = {0.0f, 0.0f};
     d->off_ticks = (d->off_ticks < 0xFFFFu) ? (uint16_t)(d->off_ticks + 1u) : 0xFFFFu;
-    if (c->magnets) {
+    if (has_axis(d)) {
         return;
     }
     d->flux_unknown *= 1.0f - c->rotor_decay;
@@ -316,28 +323,27 @@ static void stay_off(ht_drive *d)
 /* Less than this share of the flux reference is no flux to take over. */
 #define LEFT_OVER 0.05f
 
-/* Magnets whose angle is known, at a speed at which they make a current to judge it by, and no more voltage
+/* A rotor whose angle is known, at a speed at which it makes a current to judge it by, and no more voltage
  * than the link has. */
 static bool can_catch_rotor(const ht_drive *d)
 {
     const ht_drive_config *c = d->config;
-    const ht_observer_config *m = &c->control.observer;
     float omega = fabsf(omega_rad_s(d));
     float most = HT_CLEAR_OF_CEILING
                  * ht_short_circuit_ceiling_rad_s(&c->short_circuit, d->in.vdc_V);
     return (c->alignment.known || (d->flux_unknown < HT_FLUX_KNOWN)) && (omega < most)
            && (omega
-               > ht_rotor_catch_least_rad_s(&m->magnet, m->rs_ohm, c->params.v[HT_P_i_trip_A]));
+               > ht_rotor_catch_least_rad_s(&c->control.observer, c->params.v[HT_P_i_trip_A]));
 }
 
 bool ht_drive_can_catch(const ht_drive *d)
 {
     const float *v = d->params.v;
-    bool known = (v[HT_P_machine] != 0.0f) ? can_catch_rotor(d) : (d->flux_unknown < HT_FLUX_KNOWN);
+    bool known = has_axis(d) ? can_catch_rotor(d) : (d->flux_unknown < HT_FLUX_KNOWN);
     return known && (v[HT_P_lost_legs] == 0.0f) && (v[HT_P_start_mode] == 0.0f);
 }
 
-/* The same where the rotor has magnets: a standing one is aligned. */
+/* The same where the rotor has a d axis: a standing one is aligned. */
 HT_SELDOM static void begin_rotor(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
@@ -365,7 +371,7 @@ static void begin_flux(ht_drive *d)
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     float least_Wb = LEFT_OVER * v[HT_P_flux_ref_Wb];
     bool moves;
-    if (d->config->control.observer.magnets) {
+    if (has_axis(d)) {
         begin_rotor(d);
         return;
     }
@@ -537,7 +543,7 @@ static inline void drive(ht_drive *d, bool build)
         faults |= tripped_by(d);
     }
     faults |= d->slow_faults;
-    if (d->config->control.observer.magnets) {
+    if (has_axis(d)) {
         faults |= d->rotor_faults;
     }
     if (faults != 0u) {
@@ -572,22 +578,25 @@ HT_SELDOM static void turn_aside(ht_drive *d)
     float counts = TURNS_PER_RAD * (float)c->counts_rev;
     i.ab = d->control.observer.i_A;
     i.xy = d->control.i_xy_A;
-    counts *= ht_magnet_aside_rad(&m->magnet, ht_twelfth(m->winding, d->rotor.direction), i);
+    counts *=
+        HT_ROTOR_DOES(m->rotor, aside_rad, (m, ht_twelfth(m->winding, d->rotor.direction), i));
     d->rotor.electrical = ht_electrical(d->rotor.electrical, (int32_t)counts, 1u, c->counts_rev);
 }
 
-/* The rotor with magnets stands where its angle is known, and the drive goes on from there. */
-HT_SELDOM static void begin_run_with_magnets(ht_drive *d)
+/* The rotor stands where its angle is known, and the drive goes on from there. */
+HT_SELDOM static void begin_run_aligned(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
     if ((d->control.lost.axes != 0u) && !c->alignment.known) {
         turn_aside(d);
     }
     d->in.axis = ht_unit((float)d->rotor.electrical / (float)c->alignment.counts_rev);
-    ht_observer_align(&c->control.observer, &d->control.observer, d->control.observer.i_A,
-                      d->in.axis);
+    HT_ROTOR_DOES(
+        c->control.observer.rotor, align,
+        (&c->control.observer, &d->control.observer, d->control.observer.i_A, d->in.axis));
     d->control.estimate.psi_Wb = d->control.observer.psi_Wb;
-    ht_drive_set_flux_ref(d, c->control.observer.magnet.psi_f_Wb);
+    ht_drive_set_flux_ref(d,
+                          HT_ROTOR_DOES(c->control.observer.rotor, own_Wb, (&c->control.observer)));
     d->omega_mean_rad_s = 0.0f;
     ht_least_loss_reset(&d->least_loss, d->flux_ref_Wb);
     d->flux_unknown = 0.0f;
@@ -605,7 +614,7 @@ static unsigned faults_in_build(ht_drive *d)
     return faults;
 }
 
-/* One period of BUILD with magnets. */
+/* One period of BUILD that aligns. */
 HT_SELDOM static void align(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
@@ -630,7 +639,7 @@ HT_SELDOM static void align(ht_drive *d)
     if (gates_refused(d)) {
         ht_drive_trip(d, HT_FAULT_EXTERNAL);
     } else if (step == HT_ALIGNED) {
-        begin_run_with_magnets(d);
+        begin_run_aligned(d);
     } else {
         /* still aligning */
     }
@@ -638,16 +647,17 @@ HT_SELDOM static void align(ht_drive *d)
 }
 
 /* The turning rotor is where it is believed to be. Control begins in this period (first_step), without torque:
- * with the flux of the magnets, or what the voltage turns of it. */
+ * with the rotor's own flux, or what the voltage turns of it. */
 HT_SELDOM static void begin_run_caught(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
     float omega = omega_rad_s(d);
-    float flux_Wb = c->control.observer.magnet.psi_f_Wb;
+    float flux_Wb = HT_ROTOR_DOES(c->control.observer.rotor, own_Wb, (&c->control.observer));
     float most_V = c->flux.reach_pu * d->in.vdc_V;
     ht_control_reset(&c->control, &d->control, &d->in.i_A);
-    ht_observer_align(&c->control.observer, &d->control.observer, d->control.observer.i_A,
-                      d->in.axis);
+    HT_ROTOR_DOES(
+        c->control.observer.rotor, align,
+        (&c->control.observer, &d->control.observer, d->control.observer.i_A, d->in.axis));
     d->control.observer.omega_sync_rad_s = omega;
     if ((fabsf(omega) * flux_Wb) > most_V) {
         flux_Wb = most_V / fabsf(omega);
@@ -667,7 +677,7 @@ static HT_INTO_CALLERS void first_step(ht_drive *d)
     protect_after(d);
 }
 
-/* One period of BUILD that catches a turning rotor with magnets. Returns whether it is caught. */
+/* One period of BUILD that catches a turning rotor with a d axis. Returns whether it is caught. */
 HT_SELDOM static bool catch_rotor(ht_drive *d)
 {
     const ht_drive_config *c = d->config;
@@ -826,12 +836,12 @@ void ht_drive_fast_isr(ht_drive *d)
         break;
     case HT_STATE_BUILD:
         d->state_ticks++;
-        if (d->config->control.observer.magnets && (d->catches != 0u)) {
+        if (has_axis(d) && (d->catches != 0u)) {
             if (catch_rotor(d)) {
                 begin_run_caught(d);
                 first_step(d);
             }
-        } else if (d->config->control.observer.magnets) {
+        } else if (has_axis(d)) {
             align(d);
         } else if (d->catches != 0u) {
             catch_shaft(d);

@@ -106,7 +106,7 @@ typedef struct {
     uint16_t warnings;
     uint16_t end_counts;   /**< PWM counts from the period's start to the interrupt's end */
     uint16_t off_legs;     /**< legs that stay off while the drive runs, a state word */
-    uint16_t rotor_faults; /**< with magnets: what the encoder's counts say in this period */
+    uint16_t rotor_faults; /**< with a d axis: what the encoder's counts say in this period */
     uint16_t vdc_acts;     /**< HT_LIMIT_VDC_...: which limit acted since the last slow interrupt */
     uint16_t limits;       /**< HT_LIMIT_...: which limits act */
     uint16_t stuck_leg;    /**< leg whose sensor and trip latch are checked next */
@@ -164,7 +164,7 @@ typedef struct {
                                 *   magnets 1: so is the rotor's angle */
     uint16_t flux_lowered; /**< 1: less flux, to keep the flux turning */
     ht_excitation_state excitation;
-    ht_alignment_state rotor;       /**< with magnets: the angle of the d axis, and its alignment */
+    ht_alignment_state rotor; /**< where there is one: the angle of the d axis, and its alignment */
     ht_least_loss_state least_loss; /**< the flux in RUN */
     float along_A;                  /**< current along the flux at the last slow interrupt */
     ht_short_circuit_state short_circuit;

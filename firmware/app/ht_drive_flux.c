@@ -1,4 +1,4 @@
-/* The flux reference of an induction machine in RUN. */
+/* The references of an induction machine in RUN. */
 #include "ht_drive_slow.h"
 
 #include "ht_limited.h"
@@ -115,9 +115,16 @@ static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
     return ht_flux_reference(&c->flux, &flux);
 }
 
-void ht_drive_refer_flux(ht_drive *d, const ht_drive_config *c)
+void ht_induction_refer(ht_drive *d, const ht_drive_config *c)
 {
     keep_off_zero_frequency(d, c);
     ramp_flux(d, c);
     d->flux_ref_Wb = weakened_Wb(d, c);
+    ht_drive_limit_torque(d, c);
+    ht_drive_follow_reference(d, c);
+}
+
+float ht_induction_across_A(const ht_drive *d, const ht_drive_config *c)
+{
+    return d->torque_ref_Nm / (c->control.observer.torque_gain * ht_drive_rotor_Wb(d));
 }

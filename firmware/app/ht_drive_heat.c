@@ -4,17 +4,15 @@
 #include <math.h>
 
 /* Losses outside of the stator's winding: the rotor's at this torque, R_r (L_m/L_r)^2 i^2 with the current
- * i across the rotor flux, and the iron's as it is configured. A rotor with magnets has none. */
+ * i across the rotor flux, and the iron's as it is configured. */
 static float frame_W(const ht_drive *d, const ht_drive_config *c)
 {
     float iron = 3.0f * ht_least_loss_iron_W_Wb2(&c->least_loss, d->omega_mean_rad_s);
-    float across_A = 0.0f;
+    float across_A;
     if (d->state != (uint16_t)HT_STATE_RUN) {
         return 0.0f;
     }
-    if (!c->control.observer.magnets) {
-        across_A = d->torque_ref_Nm / (c->control.observer.torque_gain * ht_drive_rotor_Wb(d));
-    }
+    across_A = HT_ROTOR_DOES(c->control.observer.rotor, across_A, (d, c));
     return 3.0f * d->control.observer.rr_scale * c->protect.slip_gain * across_A * across_A
            + iron * d->flux_ref_Wb * d->flux_ref_Wb;
 }

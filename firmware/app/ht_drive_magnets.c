@@ -102,7 +102,7 @@ static float economic_Wb(ht_drive *d, const ht_drive_config *c, float most_A, fl
     return ht_least_loss_follow(&c->least_loss, &d->least_loss, in.limited, flux_Wb, least_Wb);
 }
 
-void ht_drive_refer_magnets(ht_drive *d, const ht_drive_config *c)
+void ht_magnet_refer(ht_drive *d, const ht_drive_config *c)
 {
     const ht_magnet_config *m = &c->control.observer.magnet;
     float most_A = (d->off_legs != 0u)

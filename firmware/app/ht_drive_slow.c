@@ -2,6 +2,7 @@
 #include "ht_drive_slow.h"
 
 #include "ht_limited.h"
+#include "ht_rotors.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -101,7 +102,7 @@ static unsigned follow_build(ht_drive *d, const ht_drive_config *c)
     return turning_unnoticed(d, c);
 }
 
-/* Share of the dc link's voltage that magnets induce at least where it tells their flux: dead time and
+/* Share of the dc link's voltage that a rotor induces at least where it tells its flux: dead time and
  * devices are wrong by up to 1 % of V_dc. */
 #define FLUX_TOLD_BY 0.1f
 
@@ -110,26 +111,23 @@ static unsigned follow_build(ht_drive *d, const ht_drive_config *c)
 static void learn_resistances(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
+    ht_rotor rotor = c->control.observer.rotor;
     float omega_rad_s = d->control.observer.omega_sync_rad_s;
     if ((d->off_legs == 0u) && !ht_leg_loss_maybe(&c->control.leg_loss, &d->control.leg_loss)) {
-        if (c->control.observer.magnets) {
-            ht_observer_adapt_magnet(&c->control.observer, &d->control.observer, c->adapt_gain);
-        } else {
-            ht_observer_adapt(&c->control.observer, &d->control.observer,
-                              (c->control.observer.kind == HT_OBSERVER_HYBRID) ? c->adapt_gain
-                                                                               : 0.0f);
-        }
+        HT_ROTOR_DOES(rotor, adapt, (&c->control.observer, &d->control.observer, c->adapt_gain));
         ht_set_difference_learn(&c->sets, &d->sets, d->control.observer.i_A,
                                 d->control.leg_loss.low_V, omega_rad_s,
                                 HT_LEG_LOSS_TOLERANCE * v[HT_P_rs_ohm]);
     }
-    if (!c->control.observer.magnets) { /* harmonics that are not told would be taken for L_xy */
+    if (!HT_ROTOR_DOES(rotor, induces,
+                       ())) { /* harmonics that are not told would be taken for L_xy */
         ht_leg_loss_learn(&c->control.leg_loss, &d->control.leg_loss, &d->control.i_A, c->lxy_gain);
     } else if (d->off_legs == 0u) {
-        ht_observer_adapt_flux(&c->control.observer, &d->control.observer, c->flux_gain,
-                               FLUX_TOLD_BY * d->in.vdc_V);
+        HT_ROTOR_DOES(
+            rotor, adapt_flux,
+            (&c->control.observer, &d->control.observer, c->flux_gain, FLUX_TOLD_BY * d->in.vdc_V));
     } else {
-        /* their flux stays as it was learnt */
+        /* its flux stays as it was learnt */
     }
     ht_leg_loss_tolerate(&d->control.leg_loss, v[HT_P_rs_ohm], v[HT_P_lxy_H], omega_rad_s);
 }
@@ -188,17 +186,12 @@ void ht_drive_slow_isr(ht_drive *d)
         d->omega_mean_rad_s += c->omega_mean_gain
                                * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
         learn_resistances(d, c);
-        if (c->control.observer.magnets) {
-            ht_drive_refer_magnets(d, c);
-        } else {
-            ht_drive_refer_flux(d, c);
-            ht_drive_limit_torque(d, c);
-            ht_drive_follow_reference(d, c);
-        }
+        HT_ROTOR_DOES(c->control.observer.rotor, refer, (d, c));
         ht_drive_come_to_a_stop(d, c);
     } else {
         d->torque_more_Nm = 0.0f;
-        if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->control.observer.magnets) {
+        if ((d->state == (uint16_t)HT_STATE_BUILD)
+            && !HT_ROTOR_DOES(c->control.observer.rotor, has_axis, ())) {
             faults = follow_build(d, c);
         }
         d->slow_faults = faults | lasting;

@@ -33,8 +33,6 @@ void ht_drive_follow_heat(ht_drive *d, const ht_drive_config *c);
 
 /* Flux and limits of an induction machine in RUN, in the order of their calls. */
 
-/** The flux reference: the parameter or what costs less, as it is approached, and weakened. */
-void ht_drive_refer_flux(ht_drive *d, const ht_drive_config *c);
 /** The torque limit, and the flux that leaves the torque current. */
 void ht_drive_limit_torque(ht_drive *d, const ht_drive_config *c);
 /** The current along the flux as it will be a slow period on, A, if it grows as it did since the last
@@ -51,9 +49,21 @@ float ht_drive_load(const ht_drive *d, const ht_drive_config *c);
 /** What the loss depends on, in this slow interrupt. */
 ht_least_loss_input ht_drive_loses(const ht_drive *d);
 
-/** With magnets: the torque that current and flux allow, the reference within it, and the flux with which
- *  it takes the least current, or costs the least loss. */
-void ht_drive_refer_magnets(ht_drive *d, const ht_drive_config *c);
+/* For each kind of rotor (HT_ROTOR_DOES). */
+
+/** The references of RUN: limit, torque and flux. With magnets the torque that current and flux allow, the
+ *  reference within it, and the flux with which it takes the least current, or costs the least loss. */
+void ht_induction_refer(ht_drive *d, const ht_drive_config *c);
+void ht_magnet_refer(ht_drive *d, const ht_drive_config *c);
+
+/** Current of the rotor that heats it, seen from the stator. */
+float ht_induction_across_A(const ht_drive *d, const ht_drive_config *c);
+static inline float ht_magnet_across_A(const ht_drive *d, const ht_drive_config *c)
+{
+    (void)d;
+    (void)c;
+    return 0.0f;
+}
 
 /* Motion. */
 

@@ -2,7 +2,8 @@
 
 #include "ht_absolute.h"
 #include "ht_lost_legs.h"
-#include "ht_magnet.h"
+#include "ht_rotor_rules.h"
+#include "ht_rotors.h"
 #include "ht_ntc.h"
 #include "ht_schemes.h"
 #include "port.h"
@@ -100,54 +101,6 @@ static bool sets_fit(const float *v, uint16_t misfit)
     return result;
 }
 
-/* The demands of magnets. */
-static bool magnets_fit(const float *v, uint16_t misfit)
-{
-    const ht_scheme_info *row = ht_scheme_describe((uint16_t)v[HT_P_scheme]);
-    float omega = v[HT_P_speed_trip_rpm] * v[HT_P_pole_pairs] * (PI_F / 30.0f);
-    float terminal_Wb =
-        ht_magnet_terminal_Wb(v[HT_P_psi_f_Wb], v[HT_P_emf5_share], v[HT_P_emf7_share]);
-    bool result = true;
-    switch ((ht_misfit)misfit) {
-    case HT_MISFIT_SALIENCY:
-        result = v[HT_P_ld_H] <= v[HT_P_sigma_ls_H];
-        break;
-    case HT_MISFIT_CEILING:
-        result = (v[HT_P_trip_state] != 0.0f) || (terminal_Wb * omega <= v[HT_P_vdc_max_V]);
-        break;
-    case HT_MISFIT_RIDE_SHORT:
-        result = (v[HT_P_ride_through] == 0.0f) || (v[HT_P_trip_state] == 0.0f);
-        break;
-    case HT_MISFIT_ABSOLUTE:
-        result = (v[HT_P_rotor_start] != HT_ROTOR_START_ABSOLUTE)
-                 || (v[HT_P_absolute_counts_rev] >= ht_absolute_least(v[HT_P_pole_pairs]));
-        break;
-    case HT_MISFIT_XY_STEP:
-    default:
-        result = ht_scheme_regulates_xy(row)
-                 || (ht_scheme_xy_step_pu(row, ht_winding_of(v)) * v[HT_P_vdc_max_V]
-                     <= v[HT_P_i_trip_A] * v[HT_P_lxy_H] * v[HT_P_f_isr_Hz]);
-        break;
-    }
-    return result;
-}
-
-/* The shaft may go on to rise beyond the speed at which the drive trips. */
-#define BEYOND_TRIP 1.1f
-
-float ht_misfit_short_A(const ht_params *p)
-{
-    const float *v = p->v;
-    float omega = BEYOND_TRIP * v[HT_P_speed_trip_rpm] * v[HT_P_pole_pairs] * (PI_F / 30.0f);
-    ht_magnet_config m;
-    m.psi_f_Wb = v[HT_P_psi_f_Wb];
-    m.ld_H = v[HT_P_ld_H];
-    m.lq_H = v[HT_P_sigma_ls_H];
-    m.inv_ld = 1.0f / m.ld_H;
-    return ht_magnet_short_A(&m, v[HT_P_rs_ohm], omega,
-                             v[HT_P_torque_limit_Nm] / (3.0f * v[HT_P_pole_pairs] * m.psi_f_Wb));
-}
-
 /* The demands of a short circuit as the trip state. */
 static bool short_fits(const ht_params *p, uint16_t misfit)
 {
@@ -155,10 +108,10 @@ static bool short_fits(const ht_params *p, uint16_t misfit)
     bool result = true;
     switch ((ht_misfit)misfit) {
     case HT_MISFIT_SHORT_KIND:
-        result = v[HT_P_machine] != 0.0f;
+        result = HT_ROTOR_DOES(ht_rotor_of(v), induces, ());
         break;
     case HT_MISFIT_SHORT_BEARS:
-        result = (v[HT_P_machine] == 0.0f) || (v[HT_P_magnets_bear_A] >= ht_misfit_short_A(p));
+        result = HT_ROTOR_DOES(ht_rotor_of(v), bears_short, (p));
         break;
     case HT_MISFIT_SHORT_SEEN:
     default:
@@ -223,13 +176,6 @@ float ht_misfit_heat_per_s(const ht_params *p)
            + (1.0f + v[HT_P_frame_K_W] / v[HT_P_winding_K_W]) / v[HT_P_frame_s];
 }
 
-/* Is R_s adapted wherever the machine shows it? */
-static bool learns_rs(const float *v)
-{
-    return (v[HT_P_machine] == 0.0f) && (v[HT_P_observer] == (float)HT_OBSERVER_HYBRID)
-           && (v[HT_P_adapt_s] > 0.0f);
-}
-
 /* The demands of the dc link's limits, if there are any. */
 static bool vdc_fits(const ht_params *p, uint16_t misfit)
 {
@@ -262,7 +208,7 @@ static bool flux_brake_fits(const float *v, uint16_t misfit)
     bool result = true;
     switch ((ht_misfit)misfit) {
     case HT_MISFIT_FLUX_BRAKE:
-        result = v[HT_P_machine] == 0.0f;
+        result = HT_ROTOR_DOES(ht_rotor_of(v), fits, (v, misfit));
         break;
     case HT_MISFIT_FLUX_BRAKE_LEVEL:
         result = v[HT_P_vdc_high_V] > 0.0f;
@@ -371,7 +317,8 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_XY_STEP:
     case HT_MISFIT_RIDE_SHORT:
     case HT_MISFIT_ABSOLUTE:
-        result = (v[HT_P_machine] == 0.0f) || magnets_fit(v, misfit);
+    case HT_MISFIT_LEAST_LOSS:
+        result = HT_ROTOR_DOES(ht_rotor_of(v), fits, (v, misfit));
         break;
     case HT_MISFIT_WINDING:
     case HT_MISFIT_WINDING_ALIKE:
@@ -398,7 +345,7 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
         result = outputs_fit(v, misfit);
         break;
     case HT_MISFIT_HEAT_RS:
-        result = (v[HT_P_rs_tells] == 0.0f) || learns_rs(v);
+        result = (v[HT_P_rs_tells] == 0.0f) || HT_ROTOR_DOES(ht_rotor_of(v), learns_rs, (v));
         break;
     case HT_MISFIT_WINDING_NTC:
         result = ntc_fits(v, (uint16_t)HT_P_winding_ntc_ohm, (uint16_t)HT_P_winding_ntc_K,
@@ -415,10 +362,6 @@ static bool fits(const ht_params *p, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_TORQUE_MEAN:
         result = (v[HT_P_torque_mean_s] == 0.0f)
                  || (v[HT_P_torque_mean_s] * v[HT_P_f_slow_Hz] >= LEAST_LOOKS);
-        break;
-    case HT_MISFIT_LEAST_LOSS:
-        result = (v[HT_P_machine] == 0.0f) || (v[HT_P_flux_least_loss] == 0.0f)
-                 || (v[HT_P_iron_hysteresis_A_Wb] > 0.0f) || (v[HT_P_iron_eddy_S] > 0.0f);
         break;
     case HT_MISFIT_FLUX_BRAKE:
     case HT_MISFIT_FLUX_BRAKE_LEVEL:

@@ -45,9 +45,6 @@ float ht_misfit_ntc_degC(const ht_params *p, uint16_t misfit);
 /** Least `stop_s`: what a misfit's ramp takes from `speed_trip_rpm` down; 0 without a ramp. */
 float ht_misfit_stop_s(const ht_params *p, uint16_t misfit);
 
-/** With magnets: largest current of a short circuit of all legs, A, just beyond `speed_trip_rpm`. */
-float ht_misfit_short_A(const ht_params *p);
-
 /** Least `f_isr_Hz` with which the ripple of interleaved carriers leaves i_trip_A; 0 for other schemes. */
 float ht_misfit_ripple_Hz(const ht_params *p);
 

@@ -49,6 +49,11 @@ ht_winding ht_winding_of(const float *v)
     return (ht_winding)(uint16_t)v[HT_P_displacement_deg];
 }
 
+ht_rotor ht_rotor_of(const float *v)
+{
+    return (ht_rotor)(uint16_t)v[HT_P_machine];
+}
+
 bool ht_param_valid(uint16_t id, float value)
 {
     if (id >= HT_PARAMS) {

@@ -4,6 +4,7 @@
 #ifndef HT_PARAMS_H
 #define HT_PARAMS_H
 
+#include "ht_rotor.h"
 #include "ht_types.h"
 
 #include <stdbool.h>
@@ -47,6 +48,9 @@ const ht_param_info *ht_param_describe(uint16_t id);
 void ht_params_default(ht_params *p);
 /** The winding in the parameter values `v`, by id. */
 ht_winding ht_winding_of(const float *v);
+
+/** And the kind of rotor. */
+ht_rotor ht_rotor_of(const float *v);
 
 /** True if `value` is finite, in range and, where the table says so, whole. */
 bool ht_param_valid(uint16_t id, float value);

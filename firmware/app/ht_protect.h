@@ -34,9 +34,9 @@ typedef struct {
     float slow_Hz;          /**< of the slow interrupt */
     float slow_turns_s;     /**< its period over a turn, s/rad */
     float encoder_gain;     /**< low-pass gain of `encoder_trip_rpm` per slow interrupt */
-    bool magnets;
-    float inv_psi_f;    /**< 1 / flux linkage of the magnets */
-    float counts_quick; /**< low-pass gains of the encoder's counts per fast interrupt */
+    ht_rotor rotor;         /**< its kind */
+    float inv_psi_f;        /**< 1 / flux linkage of the magnets */
+    float counts_quick;     /**< low-pass gains of the encoder's counts per fast interrupt */
     float counts_slow;
     float most_counts; /**< `encoder_trip_rpm` as counts in a fast period; 0 = off */
 } ht_protect_config;
@@ -52,7 +52,7 @@ typedef struct {
     ht_ab flux_Wb;           /**< of the rotor, at the slow interrupt before; 0: not known */
     float omega_rad_s;       /**< the flux's speed by the observer then */
     float speed_error_rpm;   /**< mean of measured minus estimated speed */
-    float counts_quick;      /**< with magnets: means of the encoder's counts in a period */
+    float counts_quick; /**< of a rotor with a d axis: means of the encoder's counts in a period */
     float counts_slow;
     float off2; /**< the latest square that `circle2` is the mean of */
 } ht_protect_state;
@@ -72,9 +72,9 @@ uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st, co
                           uint16_t leg);
 #define HT_STUCK_LOOKS 50u
 
-/** With magnets, in each fast interrupt: `moved` counts of the encoder in the last period. No shaft
+/** Of a rotor with a d axis, in each fast interrupt: `moved` counts of the encoder in the last period. No shaft
  *  changes its speed by 30 %, and by `encoder_trip_rpm`, within the time between the two means. The
- *  magnets' field follows the encoder, so the flux's speed tells nothing about it. */
+ *  field follows the encoder, so the flux's speed tells nothing about it. */
 uint16_t ht_protect_encoder(const ht_protect_config *cfg, ht_protect_state *st, float moved);
 
 /** Check the results of the control step: finite, and currents and flux within bounds. */
@@ -85,23 +85,12 @@ uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state
 void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
                        const ht_control_state *c);
 
-/** For the slow interrupt in RUN. With magnets: the flux of the voltage model must be the one that the
- *  rotor's angle and the current have, within `flux_check` of the magnets' flux, rms. Else:
- *
- *  Flux: the controller holds the estimate on its circle whatever the machine does, so the
- *  size of the estimate proves nothing. But it must fit the current. Let q and t be the stator
- *  current along and across the estimated flux, in units of the no-load current psi/L_s. Every
- *  steady state of a machine lies on the circle diagram (q - c)^2 + t^2 = (c - 1)^2,
- *  c = (1 + 1/sigma)/2; with a wrong flux it does not. While the rotor flux r changes, the machine
- *  takes (L_r/R_r) (d|r|/dt)/((1 - sigma) L_s) along r in addition, and sigma L_s times this of the
- *  stator flux; both are subtracted. So that no transient is seen late, rotor flux and current go
- *  through the same low pass before they are compared. The limit is in amperes, because the
- *  current's ripple does not shrink with the field.
- *
- *  Encoder: the speed of the shaft is the speed of the rotor flux minus the slip. `speed_rpm` and the
- *  flux's speed are means since the slow interrupt before: otherwise a drive that accelerates would look like
- *  one with a wrong encoder. */
+/** For the slow interrupt in RUN: what the kind of rotor tells about flux and encoder (`ht_<kind>_protect`). */
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
                          const ht_control_state *c, float speed_rpm);
+
+/** The flux is off by the square root of `off2`, units of `flux_check`, at present. Is its mean square
+ *  beyond the limit? */
+uint16_t ht_protect_flux(const ht_protect_config *cfg, ht_protect_state *st, float off2);
 
 #endif

@@ -1,5 +1,6 @@
 #include "ht_rotor_catch.h"
 
+#include "ht_rotors.h"
 #include "ht_turned.h"
 
 #include <math.h>
@@ -13,9 +14,10 @@
 #define COSINE 0.866f
 #define LEAST_SIZE 0.3f
 
-float ht_rotor_catch_least_rad_s(const ht_magnet_config *m, float rs_ohm, float most_A)
+float ht_rotor_catch_least_rad_s(const ht_observer_config *machine, float most_A)
 {
-    return 2.0f * LEAST * most_A * rs_ohm * m->inv_psi_f;
+    return 2.0f * LEAST * most_A * machine->rs_ohm
+           * HT_ROTOR_DOES(machine->rotor, inv_own, (machine));
 }
 
 void ht_rotor_catch_begin(ht_rotor_catch_state *st)
@@ -33,8 +35,7 @@ ht_rotor_catch ht_rotor_catch_step(const ht_observer_config *machine, ht_rotor_c
     float across = axis.alpha * i_A.beta - axis.beta * i_A.alpha;
     float expected;
     float size;
-    e = ht_magnet_shorted(&machine->magnet, machine->rs_ohm, omega_rad_s, machine->ts_s,
-                          st->expected_A);
+    e = HT_ROTOR_DOES(machine->rotor, shorted_A, (machine, omega_rad_s, st->expected_A));
     st->expected_A = e;
     st->periods += 1.0f;
     expected = sqrtf(e.d * e.d + e.q * e.q);

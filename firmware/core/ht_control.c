@@ -3,6 +3,7 @@
 
 #include "ht_angle.h"
 #include "ht_limited.h"
+#include "ht_rotors.h"
 #include "ht_turned.h"
 #include "ht_vectors.h"
 #include "ht_winding.h"
@@ -133,38 +134,21 @@ static HT_INTO_CALLERS void modulate(const ht_control_config *cfg, ht_control_st
     st->v_xy_pu = v.xy;
 }
 
-/* Squares of shares of the flux reference: a flux that is shorter than the first is not the
- * reference's ripple, and one below the second has no speed that could be told. */
-#define SHORT_FLUX2 0.9f
-#define NO_FLUX2 0.04f
-
-/* The angle that the flux turns. The observer's speed takes the reference for the flux's length. With a
- * short flux it is too low, a law that believed it would turn the flux too slowly, and the current that
- * this makes would shorten the flux further. */
-static float turn_of_short(ht_ab psi, float flux_ref_Wb, float turn_rad)
-{
-    float ref2 = flux_ref_Wb * flux_ref_Wb;
-    float size2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
-    bool is_short = (size2 < (SHORT_FLUX2 * ref2)) && (size2 > (NO_FLUX2 * ref2));
-    return is_short ? (turn_rad * SHORT_FLUX2 * ref2 / size2) : turn_rad;
-}
-
 /* The input of a law that commands a voltage, or makes a pattern. */
 static HT_INTO_CALLERS void machine_seen(const ht_control_config *cfg, const ht_control_state *st,
-                                         const ht_control_input *in, ht_vsd i, bool magnets,
+                                         const ht_control_input *in, ht_vsd i, ht_rotor rotor,
                                          ht_voltage_law_input *seen)
 {
     seen->psi_Wb = st->decided.psi_Wb;
     seen->psi_xy_Wb = st->psi_xy_Wb;
     seen->i_A = i;
     seen->turn_rad = cfg->observer.ts_s * st->observer.omega_sync_rad_s;
-    if (magnets) {
-        seen->rotor_Wb = st->rotor_Wb;
+    seen->rotor_Wb = HT_ROTOR_DOES(
+        rotor, ahead_Wb, (&cfg->observer, &st->observer, st->estimate.psi_Wb, i.ab, st->rotor_Wb));
+    seen->turn_rad =
+        HT_ROTOR_DOES(rotor, turn_rad, (st->estimate.psi_Wb, in->flux_ref_Wb, seen->turn_rad));
+    if (HT_ROTOR_DOES(rotor, induces, ())) {
         seen->emf_V = st->emf_V;
-    } else {
-        seen->rotor_Wb =
-            ht_observer_predict_rotor(&cfg->observer, &st->observer, st->estimate.psi_Wb, i.ab);
-        seen->turn_rad = turn_of_short(st->estimate.psi_Wb, in->flux_ref_Wb, seen->turn_rad);
     }
     seen->rs_ohm = st->observer.rs_ohm;
     seen->torque_ref_Nm = in->torque_ref_Nm;
@@ -175,11 +159,11 @@ static HT_INTO_CALLERS void machine_seen(const ht_control_config *cfg, const ht_
 /* A voltage that the law wants, units of Vdc. */
 static HT_INTO_CALLERS ht_vsd wanted_pu(const ht_control_config *cfg, ht_control_state *st,
                                         const ht_control_input *in, ht_vsd i, const ht_xy *emf_pu,
-                                        bool lost, bool magnets)
+                                        bool lost, ht_rotor rotor)
 {
     ht_voltage_law_input seen;
     ht_vsd v;
-    machine_seen(cfg, st, in, i, magnets, &seen);
+    machine_seen(cfg, st, in, i, rotor, &seen);
     if (lost) {
         seen.i_A.xy = ht_lost_legs_across(&st->lost, seen.i_A.xy);
         seen.psi_xy_Wb = ht_lost_legs_across(&st->lost, seen.psi_xy_Wb);
@@ -240,16 +224,16 @@ static HT_INTO_CALLERS void begin_pattern(const ht_control_config *cfg, ht_contr
     }
 }
 
-/* Voltage that the magnets induce in x-y, `periods` from now. */
+/* Voltage that the rotor induces in x-y, `periods` from now. */
 static ht_xy induced_V(const ht_control_config *cfg, const ht_control_state *st, ht_ab axis,
                        float periods)
 {
     float omega = st->observer.omega_sync_rad_s;
-    return ht_magnet_emf_V(&cfg->observer.magnet,
-                           ht_turned(axis, periods * cfg->observer.ts_s * omega), omega);
+    ht_ab turned = ht_turned(axis, periods * cfg->observer.ts_s * omega);
+    return HT_ROTOR_DOES(cfg->observer.rotor, emf_V, (&cfg->observer, turned, omega));
 }
 
-/* What x-y has of a voltage while the magnets induce theirs there, the middle of the period being
+/* What x-y has of a voltage while the rotor induces its own there, the middle of the period being
  * `periods` away from now. */
 static ht_xy less_induced(const ht_control_config *cfg, const ht_control_state *st, ht_ab axis,
                           float periods, ht_xy v_V)
@@ -262,7 +246,7 @@ static ht_xy less_induced(const ht_control_config *cfg, const ht_control_state *
 
 /* Observe the period that ended and, if asked, look one period ahead. */
 static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_state *st,
-                                    const ht_control_input *in, ht_vsd i, bool lost, bool magnets,
+                                    const ht_control_input *in, ht_vsd i, bool lost, ht_rotor rotor,
                                     bool caught, ht_winding winding)
 {
     ht_flow now = {0u, 0u};
@@ -270,6 +254,7 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
     ht_estimate estimate;
     ht_vsd v;
     bool watch = cfg->leg_loss.least_V2 > 0.0f;
+    bool induces = HT_ROTOR_DOES(rotor, induces, ());
     /* The currents' signs matter at edges only. Under shadow load it is known whether the
      * pattern has any: without one, the signs need not be found. Without them ht_volt_seconds
      * still gives the right answer, by looking at each edge. */
@@ -280,23 +265,22 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
     v = voltage(cfg, winding, &st->active, st->toggles, then, &st->i_A, &in->i_A, in->vdc_V,
                 &st->carry, &st->carry, watch || lost);
     if (lost) {
-        v.xy = magnets ? less_induced(cfg, st, in->axis, -0.5f, v.xy) : v.xy;
+        v.xy = induces ? less_induced(cfg, st, in->axis, -0.5f, v.xy) : v.xy;
         v = ht_lost_legs_voltage(&st->lost, &cfg->observer, st->observer.rs_ohm, v, st->i_xy_A,
                                  i.xy);
     }
     if (watch) {
         ht_leg_loss_period period = {&st->active, st->toggles, &st->i_A,
                                      &in->i_A,    in->vdc_V,   st->observer.rs_ohm};
-        ht_xy acts = (magnets && !lost) ? less_induced(cfg, st, in->axis, -0.5f, v.xy) : v.xy;
+        ht_xy acts = (induces && !lost) ? less_induced(cfg, st, in->axis, -0.5f, v.xy) : v.xy;
         ht_leg_loss_step(&cfg->leg_loss, &st->leg_loss, &period, acts, st->i_xy_A, i.xy);
     }
     if (caught) {
         ht_observer_follow(&cfg->observer, &st->observer, i.ab, in->turn_rad);
     }
-    estimate = magnets ? ht_observer_update_magnet(&cfg->observer, &st->observer, v.ab, i.ab,
-                                                   in->turn_rad, in->axis)
-                       : ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab, in->turn_rad,
-                                            in->inv_flux_ref2);
+    estimate = HT_ROTOR_DOES(
+        rotor, update,
+        (&cfg->observer, &st->observer, v.ab, i.ab, in->turn_rad, in->axis, in->inv_flux_ref2));
     if (caught) {
         estimate = ht_observer_pull(&cfg->observer, &st->observer, ht_catch_pull(&st->caught),
                                     in->omega_rad_s);
@@ -314,18 +298,17 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
                     &st->carry, &over, xy);
         if (lost) {
             ht_ab r; /* rotor flux seen from the stator */
-            v.xy = magnets ? less_induced(cfg, st, in->axis, 0.5f, v.xy) : v.xy;
+            v.xy = induces ? less_induced(cfg, st, in->axis, 0.5f, v.xy) : v.xy;
             r.alpha = estimate.psi_Wb.alpha - cfg->observer.sigma_ls_H * i.ab.alpha;
             r.beta = estimate.psi_Wb.beta - cfg->observer.sigma_ls_H * i.ab.beta;
             v.ab = ht_lost_legs_expected(&st->lost, &cfg->observer, st->observer.rs_ohm, v, i.ab, r,
                                          cfg->observer.ts_s * st->observer.omega_sync_rad_s);
         }
-        st->decided =
-            magnets ? ht_observer_predict_magnet(&cfg->observer, &st->observer, estimate, v.ab,
-                                                 i.ab, in->axis, &st->rotor_Wb)
-                    : ht_observer_predict(&cfg->observer, &st->observer, estimate, v.ab, i.ab);
+        st->decided = HT_ROTOR_DOES(
+            rotor, predict,
+            (&cfg->observer, &st->observer, estimate, v.ab, i.ab, in->axis, &st->rotor_Wb));
         if (xy) {
-            v.xy = (magnets && !lost) ? less_induced(cfg, st, in->axis, 0.5f, v.xy) : v.xy;
+            v.xy = (induces && !lost) ? less_induced(cfg, st, in->axis, 0.5f, v.xy) : v.xy;
             st->psi_xy_Wb = ht_observer_predict_xy(&cfg->observer, &st->observer, v.xy, i.xy);
         }
     } else {
@@ -436,7 +419,7 @@ HT_SELDOM static ht_ab catch_step(const ht_control_config *cfg, ht_control_state
 /* The step of a drive that has all its legs, and of one that has not. A shaft is caught by the
  * modulator, or where it cannot be by the nearest vectors. */
 static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state *st,
-                                 const ht_control_input *in, bool build, bool lost, bool magnets,
+                                 const ht_control_input *in, bool build, bool lost, ht_rotor rotor,
                                  bool caught, ht_winding winding, ht_compare *out)
 {
     ht_vsd i = currents_of(winding, &in->i_A);
@@ -446,8 +429,8 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     ht_xy induced_pu;
     const ht_xy *emf_pu = NULL;
     uint16_t s[3];
-    observe(cfg, st, in, i, lost, magnets, caught, winding);
-    if (magnets) {
+    observe(cfg, st, in, i, lost, rotor, caught, winding);
+    if (HT_ROTOR_DOES(rotor, induces, ())) {
         st->emf_V = induced_V(cfg, st, in->axis, cfg->shadow ? 1.5f : 0.5f);
         induced_pu.x = st->emf_V.x / in->vdc_V;
         induced_pu.y = st->emf_V.y / in->vdc_V;
@@ -462,7 +445,7 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
         p = build_step(cfg, st, in, winding, i.ab, caught ? &step_Wb : NULL, s);
     } else if (caught || lost || !vector_step(cfg, st, in, i.xy, emf_pu, s, &p)) {
         if (!caught) {
-            v = wanted_pu(cfg, st, in, i, emf_pu, lost, magnets);
+            v = wanted_pu(cfg, st, in, i, emf_pu, lost, rotor);
         }
         modulate(cfg, st, in, winding, v, out);
         return;
@@ -480,17 +463,17 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
 HT_APART HT_WITH_CALLED static void pattern_step(const ht_control_config *cfg, ht_control_state *st,
                                                  const ht_control_input *in, ht_compare *out)
 {
-    bool magnets = cfg->observer.magnets;
+    ht_rotor rotor = cfg->observer.rotor;
     ht_vsd i = currents_of(HT_WINDING_30, &in->i_A);
     ht_voltage_law_input seen;
     ht_modulator_input given;
     uint16_t which;
-    observe(cfg, st, in, i, false, magnets, false, HT_WINDING_30);
-    if (magnets) {
+    observe(cfg, st, in, i, false, rotor, false, HT_WINDING_30);
+    if (HT_ROTOR_DOES(rotor, induces, ())) {
         st->emf_V = induced_V(cfg, st, in->axis, HALF_AHEAD);
     }
     st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
-    machine_seen(cfg, st, in, i, magnets, &seen);
+    machine_seen(cfg, st, in, i, rotor, &seen);
     given = modulator_seen(cfg, st, in, &which);
     switch (cfg->law) {
 #define HT_VECTOR_LAW(id, law)
@@ -511,14 +494,14 @@ HT_APART HT_WITH_CALLED static void pattern_step(const ht_control_config *cfg, h
     st->next.own = which;
 }
 
-/* Without a leg, with magnets, with sets that are not 30 degrees apart, or to catch a shaft. A function of
+/* Without a leg, with another rotor, with sets that are not 30 degrees apart, or to catch a shaft. A function of
  * its own: in one with the step of a healthy induction machine each would cost the other registers. */
 HT_SELDOM HT_WITH_CALLED static void special_step(const ht_control_config *cfg,
                                                   ht_control_state *st, const ht_control_input *in,
                                                   bool build, bool caught, ht_compare *out)
 {
-    bool magnets = cfg->observer.magnets;
-    step(cfg, st, in, build, st->lost.axes != 0u, magnets, caught, cfg->observer.winding, out);
+    ht_rotor rotor = cfg->observer.rotor;
+    step(cfg, st, in, build, st->lost.axes != 0u, rotor, caught, cfg->observer.winding, out);
 }
 
 void ht_control_catch(const ht_control_config *cfg, ht_control_state *st,
@@ -539,7 +522,7 @@ HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_sta
             special_step(cfg, st, in, build, false, out);
         }
     } else {
-        step(cfg, st, in, build, false, false, false, HT_WINDING_30, out);
+        step(cfg, st, in, build, false, HT_ROTOR_PLAIN, false, HT_WINDING_30, out);
     }
 }
 
@@ -561,7 +544,7 @@ static ht_vsd aligning_pu(const ht_control_config *cfg, ht_ab u, float most_A, f
 {
     const ht_observer_config *m = &cfg->observer;
     float share_pu = ALIGN_SHARE * m->inv_ts / vdc_V;
-    float ab_pu = m->magnet.ld_H * share_pu;
+    float ab_pu = HT_ROTOR_DOES(m->rotor, d_H, (m)) * share_pu;
     float xy_pu = m->lxy_H * share_pu;
     float wanted_A = sqrtf(most_A * most_A - damping_A * damping_A);
     float along = ab_pu * (wanted_A - ht_along(u, i.ab)) + m->rs_ohm / vdc_V * wanted_A;
@@ -588,7 +571,8 @@ HT_SELDOM static ht_vsd aligning_without_pu(const ht_control_config *cfg,
 {
     const ht_observer_config *m = &cfg->observer;
     float most_A = cfg->build_current_A;
-    float damping_A = ht_limited(-m->magnet.psi_f_Wb * in->omega_rad_s / m->rs_ohm, most_A);
+    float own_Wb = HT_ROTOR_DOES(m->rotor, own_Wb, (m));
+    float damping_A = ht_limited(-own_Wb * in->omega_rad_s / m->rs_ohm, most_A);
     float wanted_A = sqrtf(most_A * most_A - damping_A * damping_A);
     ht_ab wanted = {wanted_A * u.alpha - damping_A * u.beta,
                     wanted_A * u.beta + damping_A * u.alpha};

@@ -34,9 +34,10 @@ typedef struct {
     bool shadow;   /**< a pattern takes effect one period after its step */
     bool predict;  /**< decide on the state one period ahead */
     bool needs_xy; /**< the law decides by the x-y flux */
-    bool special;  /**< magnets, sets that are not 30 degrees apart, or a law that makes patterns */
-    bool only_v0;  /**< zero vectors: V0 only, else the one with the fewest transitions */
-    float drop_V;  /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
+    bool
+        special; /**< another rotor than HT_ROTOR_PLAIN, sets that are not 30 degrees apart, or a law that makes patterns */
+    bool only_v0;          /**< zero vectors: V0 only, else the one with the fewest transitions */
+    float drop_V;          /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
     float build_current_A; /**< current limit of the flux build-up */
     ht_period period;
     ht_dead_time dead;
@@ -83,10 +84,10 @@ typedef struct {
     ht_estimate decided;  /**< the law's input (at the latest sample or one period later) */
     ht_xy i_xy_A;         /**< of the latest sample */
     ht_xy psi_xy_Wb;      /**< x-y flux decided on: laws that need it only */
-    ht_ab rotor_Wb;       /**< r decided on, with magnets */
-    ht_xy emf_V;          /**< induced in x-y in the period that is decided on, with magnets */
-    ht_xy v_xy_pu;        /**< x-y command, units of Vdc */
-    uint16_t sector;      /**< of the flux decided on, 0..11 */
+    ht_ab rotor_Wb;       /**< rotor flux decided on, where the kind of rotor keeps it */
+    ht_xy emf_V;     /**< induced in x-y in the period that is decided on, where the rotor does */
+    ht_xy v_xy_pu;   /**< x-y command, units of Vdc */
+    uint16_t sector; /**< of the flux decided on, 0..11 */
 /* <law>_law */
 #define HT_VECTOR_LAW(id, law) ht_##law##_law_state law##_law;
 #define HT_VOLTAGE_LAW HT_VECTOR_LAW
@@ -117,7 +118,7 @@ typedef struct {
     float flux_ref_Wb;
     float turn_rad;      /**< electrical angle the rotor turned since the last sample */
     float omega_rad_s;   /**< electrical speed of the rotor, to catch or align it */
-    ht_ab axis;          /**< d axis of a rotor with magnets */
+    ht_ab axis;          /**< d axis of a rotor that has one */
     float inv_flux_ref2; /**< 1 / flux_ref_Wb^2, prepared by the slow loop */
 } ht_control_input;
 
@@ -161,11 +162,11 @@ bool ht_control_can_lose(const ht_control_config *cfg);
 uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs,
                          float set2_ohm);
 
-/** One period of the alignment of a rotor with magnets: direct current of `build_current_A` in `direction`
+/** One period of the alignment of a rotor with a d axis: direct current of `build_current_A` in `direction`
  *  (ht_twelfth), nothing in x-y. Without some of the legs, what they force on x-y, no leg has more than
  *  `build_current_A`, and `omega_rad_s` of the input must be there. Under shadow load the modulator makes the
  *  voltage that this takes. Under immediate load, which the modulator does not do, it is the zero-mean virtual
- *  vector while the current is below its limit. Nothing is estimated: where the magnets' flux is, is not known. */
+ *  vector while the current is below its limit. Nothing is estimated: where the d axis is, is not known. */
 void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
                       const ht_control_input *in, unsigned direction, ht_compare *out);
 

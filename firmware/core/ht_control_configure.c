@@ -113,7 +113,7 @@ void ht_control_configure(ht_control_config *cfg, const ht_law_setting *given)
         break;
     }
     ht_modulator_wind(&cfg->modulator, cfg->observer.winding);
-    cfg->special = cfg->patterns || cfg->observer.magnets
+    cfg->special = cfg->patterns || (cfg->observer.rotor != HT_ROTOR_PLAIN)
                    || (cfg->observer.winding != HT_WINDING_30);
 }
 

@@ -1,6 +1,8 @@
 #include "ht_deadbeat_law.h"
 
 #include "ht_flux_step.h"
+#include "ht_rotors.h"
+#include "ht_turned.h"
 
 #include <math.h>
 
@@ -65,13 +67,12 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * machine->inv_sigma_ls * inv_vdc;
-    ht_turn turns =
-        ht_turn_of(in->turn_rad, machine->magnets); /* the magnets' flux turns further */
+    ht_turn turns = ht_turn_of(in->turn_rad, HT_ROTOR_DOES(machine->rotor, turns_far, ()));
     float turn = turns.sine;
     float back = turns.back;
     ht_ab along = {inv_size * psi.alpha, inv_size * psi.beta};
-    ht_ab wanted = machine->magnets ? ht_flux_wanted_magnet(machine, in, in->psi_Wb, size + radial)
-                                    : ht_flux_wanted(machine, in, size + radial);
+    ht_ab wanted =
+        HT_ROTOR_DOES(machine->rotor, flux_for, (machine, in, in->psi_Wb, size + radial));
     ht_ab e;
     float e2;
     ht_vsd v;
@@ -92,7 +93,7 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     v.ab.beta = e.beta * volts_per_Wb + drop * (psi.beta - in->rotor_Wb.beta);
     v.xy.x -= HT_LAW_XY_SHARE * volts_per_Wb * in->psi_xy_Wb.x;
     v.xy.y -= HT_LAW_XY_SHARE * volts_per_Wb * in->psi_xy_Wb.y;
-    if (machine->magnets) {
+    if (HT_ROTOR_DOES(machine->rotor, induces, ())) {
         v.xy.x += inv_vdc * in->emf_V.x;
         v.xy.y += inv_vdc * in->emf_V.y;
     }

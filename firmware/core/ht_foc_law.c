@@ -1,13 +1,14 @@
 #include "ht_foc_law.h"
 
 #include "ht_limited.h"
+#include "ht_rotors.h"
 #include "ht_turned.h"
 
 #include <math.h>
 
 /* Largest voltage, units of Vdc: the circle of linear modulation, squared. */
 #define REACH2_PU2 0.333333333f
-/* With magnets: largest part of it along the d axis. */
+/* Of a salient rotor: largest part of it along the d axis. */
 #define D_MOST_PU 0.5f
 /* Bandwidth of the current regulators times the period. */
 #define ALPHA_TS 0.3f
@@ -53,37 +54,7 @@ static ht_ab out_of(ht_ab u, ht_ab p)
     return q;
 }
 
-/* References of i_d and i_q: the length of the stator flux and the torque, with the rotor flux as it
- * is. */
-static ht_ab current_reference(const ht_observer_config *machine, const ht_voltage_law_input *in,
-                               float rotor_Wb, float inv_rotor)
-{
-    float flux = in->flux_ref_Wb;
-    float across;
-    float radial2;
-    ht_ab i;
-    i.beta = in->torque_ref_Nm / machine->torque_gain * inv_rotor;
-    across = machine->sigma_ls_H * i.beta;
-    radial2 = flux * flux - across * across;
-    radial2 = (radial2 > HT_LAW_RADIAL2_LEAST * flux * flux) ? radial2
-                                                             : (HT_LAW_RADIAL2_LEAST * flux * flux);
-    i.alpha = machine->inv_sigma_ls * (sqrtf(radial2) - rotor_Wb);
-    return i;
-}
-
-/* The same with magnets, whose r, now `rotor_Wb`, changes with i_d. `now_A`: the current. */
-static ht_ab magnet_reference(const ht_magnet_config *m, const ht_voltage_law_input *in,
-                              float rotor_Wb, ht_ab now_A)
-{
-    ht_dq now = {rotor_Wb + m->lq_H * now_A.alpha, m->lq_H * now_A.beta};
-    ht_dq wanted = ht_magnet_reference_Wb(m, rotor_Wb, now, in->flux_ref_Wb, in->torque_ref_Nm);
-    ht_ab i;
-    i.alpha = now_A.alpha + m->inv_ld * (wanted.d - now.d);
-    i.beta = wanted.q / m->lq_H;
-    return i;
-}
-
-/* A voltage in the frame that is out of reach, with magnets: what the d axis needs, then as much of
+/* A voltage in the frame that is out of reach, of a salient rotor: what the d axis needs, then as much of
  * the rest as there is room for. If both gave way alike, the flux would not be weakened when torque is
  * asked for, and more voltage would be missing. `wanted`: less by what is cut off, as above. */
 static ht_ab d_axis_first(const ht_observer_config *machine, const ht_voltage_law_input *in,
@@ -93,7 +64,8 @@ static ht_ab d_axis_first(const ht_observer_config *machine, const ht_voltage_la
     ht_ab v;
     v.alpha = ht_limited(v_pu.alpha, D_MOST_PU);
     v.beta = ht_limited(v_pu.beta, sqrtf(REACH2_PU2 - v.alpha * v.alpha));
-    wanted->alpha += per_pu * machine->magnet.inv_ld * (v.alpha - v_pu.alpha);
+    wanted->alpha += per_pu * HT_ROTOR_DOES(machine->rotor, inv_d, (machine))
+                     * (v.alpha - v_pu.alpha);
     wanted->beta += per_pu * machine->inv_sigma_ls * (v.beta - v_pu.beta);
     return v;
 }
@@ -110,8 +82,7 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * inv_vdc;
-    ht_turn turns =
-        ht_turn_of(in->turn_rad, machine->magnets); /* the magnets' flux turns further */
+    ht_turn turns = ht_turn_of(in->turn_rad, HT_ROTOR_DOES(machine->rotor, turns_far, ()));
     float turn = turns.sine;
     float back = turns.back;
     float a = cfg->alpha_ts;
@@ -120,8 +91,8 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     ht_ab i1 = {machine->inv_sigma_ls * (psi.alpha - r.alpha),
                 machine->inv_sigma_ls * (psi.beta - r.beta)};
     ht_ab frame_i1 = into(u, i1);
-    ht_ab wanted = machine->magnets ? magnet_reference(&machine->magnet, in, rotor, frame_i1)
-                                    : current_reference(machine, in, rotor, inv_rotor);
+    ht_ab wanted =
+        HT_ROTOR_DOES(machine->rotor, current_for, (machine, in, rotor, inv_rotor, frame_i1));
     ht_ab sampled;
     ht_ab move; /* of the current, in the frame */
     ht_ab flux; /* at the end of the period, but for the turn */
@@ -147,8 +118,10 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
 
     move.alpha = a * (wanted.alpha - 2.0f * frame_i1.alpha) + st->integral_A.alpha;
     move.beta = a * (wanted.beta - 2.0f * frame_i1.beta) + st->integral_A.beta;
-    if (machine->magnets) { /* as if L_q held along the d axis, too */
-        move.alpha *= machine->magnet.ld_H * machine->inv_sigma_ls;
+    if (HT_ROTOR_DOES(machine->rotor, salient, ())) { /* as if L_q held along the d axis, too */
+        move.alpha *= HT_ROTOR_DOES(machine->rotor, d_H, (machine)) * machine->inv_sigma_ls;
+    }
+    if (HT_ROTOR_DOES(machine->rotor, induces, ())) {
         v.xy.x += inv_vdc * in->emf_V.x;
         v.xy.y += inv_vdc * in->emf_V.y;
     }
@@ -160,7 +133,7 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     v.ab.beta = volts_per_Wb * (flux.beta - psi.beta + back * flux.beta + turn * flux.alpha)
                 + drop * i1.beta;
     size2 = v.ab.alpha * v.ab.alpha + v.ab.beta * v.ab.beta;
-    if ((size2 > REACH2_PU2) && machine->magnets) {
+    if ((size2 > REACH2_PU2) && HT_ROTOR_DOES(machine->rotor, salient, ())) {
         v.ab = d_axis_first(machine, in, into(u, v.ab), a, &wanted);
         v.ab = out_of(u, v.ab);
     } else if (!(size2 <= REACH2_PU2)) {

@@ -1,6 +1,8 @@
 #include "ht_interleaved_law.h"
 
 #include "ht_flux_step.h"
+#include "ht_rotors.h"
+#include "ht_turned.h"
 
 #include <math.h>
 
@@ -59,7 +61,8 @@ static HT_INTO_CALLERS ht_interleaved_command command_of(const ht_interleaved_la
     float inv_vdc = 1.0f / in->vdc_V;
     float per_Wb = (1.0f / HT_HALF_PERIODS) * machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * machine->inv_sigma_ls * inv_vdc;
-    ht_turn turns = ht_turn_of(HT_HALF_PERIODS * in->turn_rad, machine->magnets);
+    ht_turn turns =
+        ht_turn_of(HT_HALF_PERIODS * in->turn_rad, HT_ROTOR_DOES(machine->rotor, turns_far, ()));
     float middle = 0.5f * turns.sine; /* half of the turn */
     ht_ab r = in->rotor_Wb;
     ht_ab psi; /* of the set */
@@ -85,8 +88,7 @@ static HT_INTO_CALLERS ht_interleaved_command command_of(const ht_interleaved_la
     along.alpha = inv_size * psi.alpha;
     along.beta = inv_size * psi.beta;
     radial = ht_limited(in->flux_ref_Wb - size, HT_LAW_FLUX_SHARE * half);
-    wanted = machine->magnets ? ht_flux_wanted_magnet(machine, in, psi, size + radial)
-                              : ht_flux_wanted(machine, in, size + radial);
+    wanted = HT_ROTOR_DOES(machine->rotor, flux_for, (machine, in, psi, size + radial));
     steady.alpha = turns.back * wanted.alpha - turns.sine * wanted.beta;
     steady.beta = turns.back * wanted.beta + turns.sine * wanted.alpha;
     e.alpha = steady.alpha + gain * (wanted.alpha - psi.alpha);
@@ -106,7 +108,7 @@ static HT_INTO_CALLERS ht_interleaved_command command_of(const ht_interleaved_la
     current.alpha -= middle * (wanted.beta - r.beta);
     current.beta += middle * (wanted.alpha - r.alpha);
     xy = ht_xy_step(&integral, &st->deadbeat.xy, in->i_A.xy, along, HT_LAW_XY_LIMIT_PU, false);
-    if (machine->magnets) {
+    if (HT_ROTOR_DOES(machine->rotor, induces, ())) {
         xy.x += inv_vdc * in->emf_V.x;
         xy.y += inv_vdc * in->emf_V.y;
     }

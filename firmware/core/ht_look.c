@@ -1,5 +1,7 @@
 #include "ht_look.h"
 
+#include "ht_rotors.h"
+
 static bool toggles_within(uint16_t at, const ht_period *period)
 {
     return at < period->counts;
@@ -82,7 +84,9 @@ HT_SELDOM static void find_responses(ht_look *look, const ht_look_circuit *c)
     const ht_vsd *column = ht_transform[m->winding];
     float gain = 3.0f * c->vdc_V * m->ts_s; /* the transform's inverse is its transpose, times 3 */
     float ab = gain * m->inv_sigma_ls;
-    float d = m->magnets ? (gain * m->magnet.inv_ld - ab) : 0.0f;
+    float d = HT_ROTOR_DOES(m->rotor, salient, ())
+                  ? (gain * HT_ROTOR_DOES(m->rotor, inv_d, (m)) - ab)
+                  : 0.0f;
     float xy = gain / c->lxy_H;
     int leg;
     int j;

@@ -1,6 +1,7 @@
 #include "ht_lost_legs.h"
 
 #include "ht_limited.h"
+#include "ht_rotors.h"
 #include "ht_tables.h"
 #include "ht_winding.h"
 
@@ -218,7 +219,7 @@ ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *
     float terminal[2]; /* voltage of the lost leg's terminal */
     ht_xy emf = {0.0f, 0.0f};
     uint16_t n;
-    if (machine->magnets) {
+    if (HT_ROTOR_DOES(machine->rotor, induces, ())) {
         emf.x = inv_vdc * in->emf_V.x;
         emf.y = inv_vdc * in->emf_V.y;
     }

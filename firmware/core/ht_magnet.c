@@ -40,7 +40,7 @@ float ht_magnet_active_Wb(const ht_magnet_config *m, ht_ab axis, ht_ab i_A)
     return m->psi_f_Wb + m->saliency_H * ht_along(axis, i_A);
 }
 
-ht_xy ht_magnet_emf_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s)
+ht_xy ht_magnet_induced_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s)
 {
     ht_ab two = ht_product(axis, axis);
     ht_ab five = ht_product(ht_product(two, two), axis);
@@ -56,7 +56,7 @@ ht_xy ht_magnet_emf_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s)
 /* The harmonics at the angle turn with five or seven times of it: each round takes half of the rest. */
 #define ASIDE_ROUNDS 6
 
-float ht_magnet_aside_rad(const ht_magnet_config *m, ht_ab axis, ht_vsd i_A)
+float ht_magnet_pulled_rad(const ht_magnet_config *m, ht_ab axis, ht_vsd i_A)
 {
     float along_A = ht_along(axis, i_A.ab);
     float stiff_VAs = along_A * (m->psi_f_Wb + m->saliency_H * along_A);
@@ -66,7 +66,7 @@ float ht_magnet_aside_rad(const ht_magnet_config *m, ht_ab axis, ht_vsd i_A)
         return 0.0f;
     }
     for (n = 0; n < ASIDE_ROUNDS; n++) {
-        ht_xy e = ht_magnet_emf_V(m, ht_turned(axis, rad), 1.0f);
+        ht_xy e = ht_magnet_induced_V(m, ht_turned(axis, rad), 1.0f);
         rad = (e.x * i_A.xy.x + e.y * i_A.xy.y) / stiff_VAs;
     }
     return rad;

@@ -31,11 +31,11 @@ float ht_magnet_active_Wb(const ht_magnet_config *m, ht_ab axis, ht_ab i_A);
 
 /** Voltage that the magnets' harmonics induce in x-y while the d axis `axis` turns with
  *  `omega_rad_s`: the fifth turns with five times the angle, the seventh against it. */
-ht_xy ht_magnet_emf_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s);
+ht_xy ht_magnet_induced_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s);
 
 /** Angle by which a rotor at rest, pulled by direct current, is ahead of it: the harmonics make a torque with
  *  the current in x-y. `axis`: direction of the current. */
-float ht_magnet_aside_rad(const ht_magnet_config *m, ht_ab axis, ht_vsd i_A);
+float ht_magnet_pulled_rad(const ht_magnet_config *m, ht_ab axis, ht_vsd i_A);
 
 /** Parts along the d axis and across it. */
 typedef struct {

@@ -6,11 +6,6 @@
 
 #include <math.h>
 
-static float cross(ht_ab p, ht_ab q)
-{
-    return p.alpha * q.beta - p.beta * q.alpha;
-}
-
 /* Compensated: corner of the dc filter and strength of the pull, relative to the
  * flux's speed. 0.1 leaves (0.1)^2 sigma L_s i of the fundamental, 0.15 % of psi. */
 #define DC_RATIO 0.1f
@@ -21,12 +16,6 @@ static float cross(ht_ab p, ht_ab q)
 /* ... R_r is left alone below this load, |i_q/i_d| squared: it matters little there, and
  * the least thing that the models leave out, devices' drops say, would drive it far, ... */
 #define ADAPT_LOAD2 0.16f
-/* ... with magnets, their voltage must be below half of the drop, squared: there a psi_f that is 8 %
- * wrong moves R_s by 4 %, ... */
-#define ADAPT_TURNED2 0.25f
-/* ... and above four times the drop, squared, to tell their flux, which loses 0.1 to 0.2 % a kelvin, ... */
-#define ADAPT_FLUX_TURNED2 16.0f
-#define ADAPT_FLUX 0.25f /* of the configured one, at most */
 /* ... and no resistance leaves these shares of its configured value: copper from -40 to 180 degC spans
  * 0.76 .. 1.63 of its value at 20 degC. The stator's may be an estimate from a plate, which is up to 2.2
  * times too small, or of a machine that loses less in the stator than any known one, 3.4 times too large. */
@@ -96,8 +85,7 @@ static ht_ab pulled_to_current_model(const ht_observer_config *cfg, ht_observer_
     return psi;
 }
 
-/* (g0 + j w) D */
-static ht_ab disagreement_V(const ht_observer_config *cfg, const ht_observer_state *st)
+ht_ab ht_observer_disagreement_V(const ht_observer_config *cfg, const ht_observer_state *st)
 {
     float g0 = cfg->hybrid_gain * cfg->inv_ts;
     float omega = st->omega_sync_rad_s;
@@ -121,6 +109,12 @@ static void take_ohm(const ht_observer_config *cfg, ht_observer_state *st, float
     st->rs_ohm = ht_between(rs_ohm, ADAPT_LEAST_RS * cfg->rs_ohm, ADAPT_MOST_RS * cfg->rs_ohm);
 }
 
+void ht_observer_adapt_rs(const ht_observer_config *cfg, ht_observer_state *st, float weight)
+{
+    ht_ab e = ht_observer_disagreement_V(cfg, st);
+    take_ohm(cfg, st, st->rs_ohm + change_ohm(cfg, e, st->i_A, weight));
+}
+
 void ht_observer_begin_with(const ht_observer_config *cfg, ht_observer_state *st, float rs_ohm)
 {
     take_ohm(cfg, st, rs_ohm);
@@ -141,7 +135,7 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
     ht_ab e;
     float omega = st->omega_sync_rad_s;
     float along = r.alpha * i.alpha + r.beta * i.beta;
-    float across = cross(r, i);
+    float across = ht_across(r, i);
     float fade = ADAPT_RAD_S * ADAPT_RAD_S / (ADAPT_RAD_S * ADAPT_RAD_S + omega * omega);
     float scale;
     float share;
@@ -161,7 +155,7 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
     scale = omega * cfg->lm_over_lr * across / share;
     h.alpha = scale * (along * r.alpha + across * r.beta);
     h.beta = scale * (along * r.beta - across * r.alpha);
-    e = disagreement_V(cfg, st);
+    e = ht_observer_disagreement_V(cfg, st);
     rs_ohm += change_ohm(cfg, e, i, weight);
     if (across * across > ADAPT_LOAD2 * along * along) {
         rr_scale -= weight * (e.alpha * h.alpha + e.beta * h.beta)
@@ -169,40 +163,6 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
     }
     take_ohm(cfg, st, rs_ohm);
     st->rr_scale = ht_between(rr_scale, ADAPT_LEAST, ADAPT_MOST); /* one write, too */
-}
-
-void ht_observer_adapt_magnet(const ht_observer_config *cfg, ht_observer_state *st, float gain)
-{
-    ht_ab i = st->i_A;
-    float turned_V = st->omega_sync_rad_s * cfg->magnet.psi_f_Wb;
-    float drop2 = st->rs_ohm * st->rs_ohm * (i.alpha * i.alpha + i.beta * i.beta);
-    if (!(gain > 0.0f)) {
-        st->rs_ohm = cfg->rs_ohm;
-    } else if (turned_V * turned_V < ADAPT_TURNED2 * drop2) {
-        take_ohm(cfg, st, st->rs_ohm + change_ohm(cfg, disagreement_V(cfg, st), i, gain));
-    } else {
-        /* psi_f and R_s cannot be told apart */
-    }
-}
-
-void ht_observer_adapt_flux(const ht_observer_config *cfg, ht_observer_state *st, float gain,
-                            float least_V)
-{
-    ht_ab i = st->i_A;
-    ht_ab r = st->psi_r_Wb;
-    float r2 = r.alpha * r.alpha + r.beta * r.beta;
-    float turned2 = st->omega_sync_rad_s * st->omega_sync_rad_s * r2;
-    float drop2 = st->rs_ohm * st->rs_ohm * (i.alpha * i.alpha + i.beta * i.beta);
-    float most = ADAPT_FLUX * cfg->magnet.psi_f_Wb;
-    if (!(gain > 0.0f)) {
-        st->more_Wb = 0.0f;
-    } else if ((turned2 > ADAPT_FLUX_TURNED2 * drop2) && (turned2 > least_V * least_V)) {
-        ht_ab e = disagreement_V(cfg, st);
-        float off_Wb = cross(r, e) / (st->omega_sync_rad_s * sqrtf(r2));
-        st->more_Wb = ht_between(st->more_Wb + gain * off_Wb, -most, most); /* one write, too */
-    } else {
-        /* too little to tell */
-    }
 }
 
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st, ht_ab v_V,
@@ -230,46 +190,13 @@ ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state 
 
     /* |psi| is held at its reference, so the reference's square stands in for
      * the division. */
-    omega = cross(old, psi) * inv_psi_ref2 * cfg->inv_ts;
+    omega = ht_across(old, psi) * inv_psi_ref2 * cfg->inv_ts;
     st->omega_sync_rad_s += cfg->omega_gain * (omega - st->omega_sync_rad_s);
 
     now.psi_Wb.alpha = psi.alpha;
     now.psi_Wb.beta = psi.beta;
-    now.torque_Nm = cfg->torque_gain * cross(psi, i_A);
+    now.torque_Nm = cfg->torque_gain * ht_across(psi, i_A);
     return now;
-}
-
-ht_estimate ht_observer_update_magnet(const ht_observer_config *cfg, ht_observer_state *st,
-                                      ht_ab v_V, ht_ab i_A, float turn_rad, ht_ab axis)
-{
-    float half_rs = 0.5f * st->rs_ohm;
-    float r = ht_magnet_active_Wb(&cfg->magnet, axis, i_A) + st->more_Wb;
-    ht_estimate now;
-    ht_ab psi;
-    psi.alpha = st->psi_Wb.alpha + cfg->ts_s * (v_V.alpha - half_rs * (st->i_A.alpha + i_A.alpha));
-    psi.beta = st->psi_Wb.beta + cfg->ts_s * (v_V.beta - half_rs * (st->i_A.beta + i_A.beta));
-    st->psi_r_Wb.alpha = r * axis.alpha;
-    st->psi_r_Wb.beta = r * axis.beta;
-    st->gap_Wb.alpha = psi.alpha - st->psi_r_Wb.alpha - cfg->sigma_ls_H * i_A.alpha;
-    st->gap_Wb.beta = psi.beta - st->psi_r_Wb.beta - cfg->sigma_ls_H * i_A.beta;
-    psi.alpha -= cfg->hybrid_gain * st->gap_Wb.alpha;
-    psi.beta -= cfg->hybrid_gain * st->gap_Wb.beta;
-    st->psi_Wb = psi;
-    st->i_A = i_A;
-    st->omega_sync_rad_s += cfg->omega_gain * (turn_rad * cfg->inv_ts - st->omega_sync_rad_s);
-    now.psi_Wb = psi;
-    now.torque_Nm = cfg->torque_gain * cross(psi, i_A);
-    return now;
-}
-
-void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A, ht_ab axis)
-{
-    float r = ht_magnet_active_Wb(&cfg->magnet, axis, i_A);
-    ht_observer_reset(cfg, st, i_A);
-    st->psi_r_Wb.alpha = r * axis.alpha;
-    st->psi_r_Wb.beta = r * axis.beta;
-    st->psi_Wb.alpha = st->psi_r_Wb.alpha + cfg->sigma_ls_H * i_A.alpha;
-    st->psi_Wb.beta = st->psi_r_Wb.beta + cfg->sigma_ls_H * i_A.beta;
 }
 
 #define PI_F 3.14159265f
@@ -313,7 +240,7 @@ HT_SELDOM ht_estimate ht_observer_pull(const ht_observer_config *cfg, ht_observe
     st->psi_Wb = psi;
     st->omega_sync_rad_s = omega_rad_s;
     now.psi_Wb = psi;
-    now.torque_Nm = cfg->torque_gain * cross(psi, i);
+    now.torque_Nm = cfg->torque_gain * ht_across(psi, i);
     return now;
 }
 
@@ -339,29 +266,7 @@ ht_estimate ht_observer_predict(const ht_observer_config *cfg, const ht_observer
     next.psi_Wb.alpha = now.psi_Wb.alpha + cfg->ts_s * (v_V.alpha - st->rs_ohm * i_A.alpha);
     next.psi_Wb.beta = now.psi_Wb.beta + cfg->ts_s * (v_V.beta - st->rs_ohm * i_A.beta);
     /* T = 3 P psi x i, i = (psi - turned)/(sigma L_s), and psi x psi = 0 */
-    next.torque_Nm = cfg->torque_gain * cfg->inv_sigma_ls * cross(turned, next.psi_Wb);
-    return next;
-}
-
-ht_estimate ht_observer_predict_magnet(const ht_observer_config *cfg, const ht_observer_state *st,
-                                       ht_estimate now, ht_ab v_V, ht_ab i_A, ht_ab axis,
-                                       ht_ab *rotor_Wb)
-{
-    float turn = cfg->ts_s * st->omega_sync_rad_s;
-    ht_ab ahead = ht_turned(axis, turn);
-    ht_ab r;
-    ht_estimate next;
-    float grows;
-    next.psi_Wb.alpha = now.psi_Wb.alpha + cfg->ts_s * (v_V.alpha - st->rs_ohm * i_A.alpha);
-    next.psi_Wb.beta = now.psi_Wb.beta + cfg->ts_s * (v_V.beta - st->rs_ohm * i_A.beta);
-    r.alpha = now.psi_Wb.alpha - cfg->sigma_ls_H * i_A.alpha;
-    r.beta = now.psi_Wb.beta - cfg->sigma_ls_H * i_A.beta;
-    r = ht_turned(r, turn);
-    grows = cfg->magnet.share * (ht_along(ahead, next.psi_Wb) - ht_along(axis, now.psi_Wb));
-    r.alpha += grows * ahead.alpha;
-    r.beta += grows * ahead.beta;
-    *rotor_Wb = r;
-    next.torque_Nm = cfg->torque_gain * cfg->inv_sigma_ls * cross(r, next.psi_Wb);
+    next.torque_Nm = cfg->torque_gain * cfg->inv_sigma_ls * ht_across(turned, next.psi_Wb);
     return next;
 }
 

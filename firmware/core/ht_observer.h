@@ -21,6 +21,7 @@
 #define HT_OBSERVER_H
 
 #include "ht_magnet.h"
+#include "ht_rotor.h"
 
 typedef enum {
     HT_OBSERVER_VOLTAGE = 0,
@@ -45,8 +46,8 @@ typedef struct {
     float lm_over_lr;
     float omega_gain;        /**< Ts-normalised low-pass gain of omega_sync, 0..1 */
     ht_winding winding;      /**< angle of set 2 ahead of set 1 */
-    bool magnets;            /**< the rotor has permanent magnets; sigma_ls_H is then L_q */
-    ht_magnet_config magnet; /**< used with magnets only */
+    ht_rotor rotor;          /**< its kind; with magnets sigma_ls_H is L_q */
+    ht_magnet_config magnet; /**< that of `rotor` is used, others may hold anything */
 } ht_observer_config;
 
 typedef struct {
@@ -84,14 +85,6 @@ void ht_observer_stand_still(ht_observer_state *st);
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st, ht_ab v_V,
                                ht_ab i_A, float turn_rad, float inv_psi_ref2);
 
-/** The same for a rotor with magnets, which turns by `turn_rad` in the period and whose d axis is
- *  `axis` at its end: the voltage model, pulled to the flux that currents and axis have. */
-ht_estimate ht_observer_update_magnet(const ht_observer_config *cfg, ht_observer_state *st,
-                                      ht_ab v_V, ht_ab i_A, float turn_rad, ht_ab axis);
-
-/** The rotor with magnets has been aligned: its d axis is `axis`, the machine carries `i_A`. */
-void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A, ht_ab axis);
-
 /** Every observer, one period without current, because the gates are off: the stator has the flux that the
  *  rotor's makes in it. This turns with the rotor, by `turn_rad`, and decays. */
 void ht_observer_coast(const ht_observer_config *cfg, ht_observer_state *st, float turn_rad);
@@ -126,18 +119,11 @@ void ht_observer_begin_with(const ht_observer_config *cfg, ht_observer_state *st
 /** R_s as it is adapted; 0 where it has reached a bound of the adaptation. */
 float ht_observer_adapted_ohm(const ht_observer_config *cfg, const ht_observer_state *st);
 
-/** The same as ht_observer_adapt with magnets, R_s alone, where the voltage that they induce is below half of the drop: above
- *  this speed R_s stays as it is, because an error of psi_f would be taken for one of R_s. */
-void ht_observer_adapt_magnet(const ht_observer_config *cfg, ht_observer_state *st, float gain);
+/** What the difference D of the two models tells: (g0 + j w) D. */
+ht_ab ht_observer_disagreement_V(const ht_observer_config *cfg, const ht_observer_state *st);
 
-/** And the flux of the magnets, where they induce more than `least_V` and four times the drop: to first order
- *  the difference D of the two models is then, with the error m of the flux along the d axis u,
- *
- *    (g0 + j w) D = j w m u
- *
- *  An R_s that is 30 % wrong moves it by 7.5 % at most. */
-void ht_observer_adapt_flux(const ht_observer_config *cfg, ht_observer_state *st, float gain,
-                            float least_V);
+/** Corrects R_s alone, by this share of what the models disagree about along the current. */
+void ht_observer_adapt_rs(const ht_observer_config *cfg, ht_observer_state *st, float weight);
 
 /** Rotor flux seen from the stator, psi_s - sigma L_s i_s, one period after `psi_Wb` and `i_A`:
  *  it turns on with the mean speed of the stator flux. */
@@ -151,13 +137,7 @@ ht_ab ht_observer_predict_rotor(const ht_observer_config *cfg, const ht_observer
 ht_estimate ht_observer_predict(const ht_observer_config *cfg, const ht_observer_state *st,
                                 ht_estimate now, ht_ab v_V, ht_ab i_A);
 
-/** The same with magnets. The d axis, now `axis`, turns on with the rotor's mean speed; r, which
- *  goes to `rotor_Wb`, turns with it, and follows the flux along it. */
-ht_estimate ht_observer_predict_magnet(const ht_observer_config *cfg, const ht_observer_state *st,
-                                       ht_estimate now, ht_ab v_V, ht_ab i_A, ht_ab axis,
-                                       ht_ab *rotor_Wb);
-
-/** The same for the x-y flux, L_xy i now. `v_V`: less what is induced there. */
+/** The estimate of the x-y flux one period ahead, L_xy i now. `v_V`: less what is induced there. */
 ht_xy ht_observer_predict_xy(const ht_observer_config *cfg, const ht_observer_state *st, ht_xy v_V,
                              ht_xy i_A);
 

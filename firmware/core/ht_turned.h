@@ -52,4 +52,10 @@ static inline float ht_along(ht_ab u, ht_ab p)
     return u.alpha * p.alpha + u.beta * p.beta;
 }
 
+/** p x q: part of `q` across the unit vector `p`. */
+static inline float ht_across(ht_ab p, ht_ab q)
+{
+    return p.alpha * q.beta - p.beta * q.alpha;
+}
+
 #endif

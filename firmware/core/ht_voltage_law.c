@@ -1,4 +1,4 @@
-#include "ht_voltage_law.h"
+#include "ht_rotors.h"
 
 /* Gain of the x-y integrators, per period, of the voltage that would take the x-y current away at
  * once. */
@@ -11,7 +11,7 @@ float ht_voltage_law_least_Hz(float rs_ohm, float sigma_ls_H, float lxy_H)
 
 bool ht_voltage_law_fast_enough(const ht_observer_config *machine)
 {
-    float l_H = machine->magnets ? machine->magnet.ld_H : machine->sigma_ls_H;
+    float l_H = HT_ROTOR_DOES(machine->rotor, d_H, (machine));
     return machine->inv_ts >= ht_voltage_law_least_Hz(machine->rs_ohm, l_H, machine->lxy_H);
 }
 

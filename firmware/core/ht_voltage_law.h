@@ -33,7 +33,7 @@ typedef struct {
     float torque_ref_Nm;
     float flux_ref_Wb;
     float vdc_V;
-    ht_xy emf_V; /**< mean voltage that magnets induce in x-y in the period that is decided on */
+    ht_xy emf_V; /**< mean voltage that the rotor induces in x-y in the period that is decided on */
 } ht_voltage_law_input;
 
 /** Samples in a time constant of a current that a law that predicts needs at least. */

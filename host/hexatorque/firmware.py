@@ -370,7 +370,7 @@ def _least_winding_s(value_of: Callable[[str], Any]) -> float:
 
 def _least_short_A(value_of: Callable[[str], Any]) -> float:
     """Largest current of the short circuit of all legs, which the magnets must bear."""
-    return float(lib.ht_misfit_short_A(_params(value_of)))
+    return float(lib.ht_magnet_trip_short_A(_params(value_of)))
 
 
 def least_ripple_Hz(value_of: Callable[[str], Any]) -> float:

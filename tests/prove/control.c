@@ -99,15 +99,14 @@ ht_estimate ht_observer_predict(const ht_observer_config *cfg, const ht_observer
     return any_estimate();
 }
 
-ht_estimate ht_observer_update_magnet(const ht_observer_config *cfg, ht_observer_state *st,
-                                      ht_ab v_V, ht_ab i_A, float turn_rad, ht_ab axis)
+ht_estimate ht_magnet_update(const ht_observer_config *cfg, ht_observer_state *st, ht_ab v_V,
+                             ht_ab i_A, float turn_rad, ht_ab axis, float inv_psi_ref2)
 {
     return any_estimate();
 }
 
-ht_estimate ht_observer_predict_magnet(const ht_observer_config *cfg, const ht_observer_state *st,
-                                       ht_estimate now, ht_ab v_V, ht_ab i_A, ht_ab axis,
-                                       ht_ab *rotor_Wb)
+ht_estimate ht_magnet_predict(const ht_observer_config *cfg, const ht_observer_state *st,
+                              ht_estimate now, ht_ab v_V, ht_ab i_A, ht_ab axis, ht_ab *rotor_Wb)
 {
     *rotor_Wb = any_ab();
     return any_estimate();
@@ -135,7 +134,7 @@ ht_ab ht_catch_step(const ht_observer_config *machine, const ht_observer_state *
     return any_ab();
 }
 
-ht_xy ht_magnet_emf_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s)
+ht_xy ht_magnet_induced_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s)
 {
     return any_xy();
 }
@@ -490,10 +489,13 @@ static void step_of(the_case which, ht_law law, bool shadow, ht_winding winding)
     cfg.law = law;
     cfg.shadow = shadow;
     any_step(&cfg, &st, &in);
-    cfg.observer.magnets = (which == MAGNETS) || ((which == LOST) && nondet_bool());
+    cfg.observer.rotor = ((which == MAGNETS) || ((which == LOST) && nondet_bool()))
+                             ? HT_ROTOR_MAGNET
+                             : HT_ROTOR_INDUCTION;
     cfg.observer.winding = winding;
     cfg.patterns = law == HT_LAW_INTERLEAVED;
-    cfg.special = cfg.patterns || cfg.observer.magnets || (winding != HT_WINDING_30);
+    cfg.special = cfg.patterns || (cfg.observer.rotor != HT_ROTOR_PLAIN)
+                  || (winding != HT_WINDING_30);
     GIVEN(leg < 6u);
     if (which == LOST) {
         GIVEN(st.lost.axes != 0u);

@@ -33,7 +33,7 @@ static inline ht_observer_config any_law_machine(void)
     machine.inv_sigma_ls = nondet_float();
     machine.lxy_H = nondet_float();
     machine.torque_gain = nondet_float();
-    machine.magnets = nondet_bool();
+    machine.rotor = nondet_bool() ? HT_ROTOR_MAGNET : HT_ROTOR_INDUCTION;
     machine.magnet.psi_f_Wb = nondet_float();
     machine.magnet.inv_psi_f = nondet_float();
     machine.magnet.ld_H = nondet_float();

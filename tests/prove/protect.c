@@ -165,7 +165,7 @@ void prove_protect_slow(void)
     cfg.slow_Hz = nondet_float();
     cfg.slow_turns_s = nondet_float();
     cfg.encoder_gain = nondet_float();
-    cfg.magnets = nondet_bool();
+    cfg.rotor = nondet_bool() ? HT_ROTOR_MAGNET : HT_ROTOR_INDUCTION;
     cfg.inv_psi_f = nondet_float();
     st.circle2 = nondet_float();
     st.rotor_Wb = nondet_float();
@@ -183,15 +183,16 @@ void prove_protect_slow(void)
     MUST((faults & ~((unsigned)HT_FAULT_ENCODER | (unsigned)HT_FAULT_FLUX)) == 0u);
     MUST(IMPLIES(!(cfg.encoder_trip_rpm > 0.0f), (faults & HT_FAULT_ENCODER) == 0u));
     MUST(IMPLIES(!(cfg.flux_check > 0.0f), (faults & HT_FAULT_FLUX) == 0u));
-    MUST(IMPLIES(!cfg.magnets && (cfg.encoder_trip_rpm > 0.0f),
+    MUST(IMPLIES((cfg.rotor == HT_ROTOR_INDUCTION) && (cfg.encoder_trip_rpm > 0.0f),
                  ((faults & HT_FAULT_ENCODER) != 0u)
                      == !(fabsf(st.speed_error_rpm) < cfg.encoder_trip_rpm)));
-    MUST(IMPLIES(!cfg.magnets && (cfg.encoder_trip_rpm > 0.0f) && is_nan(c.estimate.psi_Wb.alpha),
+    MUST(IMPLIES((cfg.rotor == HT_ROTOR_INDUCTION) && (cfg.encoder_trip_rpm > 0.0f)
+                     && is_nan(c.estimate.psi_Wb.alpha),
                  (faults & HT_FAULT_ENCODER) != 0u));
-    MUST(IMPLIES(!cfg.magnets && (cfg.flux_check > 0.0f)
+    MUST(IMPLIES((cfg.rotor == HT_ROTOR_INDUCTION) && (cfg.flux_check > 0.0f)
                      && (is_nan(c.estimate.psi_Wb.alpha) || is_nan(c.estimate.psi_Wb.beta)),
                  (faults & HT_FAULT_FLUX) != 0u));
-    MUST(IMPLIES(cfg.magnets && (cfg.flux_check > 0.0f)
+    MUST(IMPLIES((cfg.rotor == HT_ROTOR_MAGNET) && (cfg.flux_check > 0.0f)
                      && (is_nan(c.observer.gap_Wb.alpha) || is_nan(c.observer.gap_Wb.beta)),
                  (faults & HT_FAULT_FLUX) != 0u));
     MUST(IMPLIES((cfg.flux_check > 0.0f) && is_nan(st.circle2), (faults & HT_FAULT_FLUX) != 0u));

@@ -12,7 +12,7 @@ R, LD, LQ, PSI_F = 0.8, 6.4e-3, 17.4e-3, 0.1746
 
 def machine():
     c = ffi.new("ht_observer_config *")
-    c.ts_s, c.rs_ohm = TS, R
+    c.ts_s, c.rs_ohm, c.rotor = TS, R, lib.HT_ROTOR_MAGNET
     m = c.magnet
     m.psi_f_Wb, m.inv_psi_f, m.ld_H, m.lq_H, m.inv_ld = PSI_F, 1 / PSI_F, LD, LQ, 1 / LD
     return c

@@ -212,6 +212,7 @@ def test_the_aligning_current_comes_to_its_limit_and_not_beyond(l_share):
     ld_H, r_ohm, limit_A = 1.7e-3, 1.0, 14.0
     cfg = config(period=PERIOD, build_current_A=limit_A, rs_ohm=0.8 * r_ohm)
     cfg.dead.dead_pu = 0.0
+    cfg.observer.rotor = lib.HT_ROTOR_MAGNET
     cfg.observer.magnet.ld_H, cfg.observer.lxy_H = ld_H / l_share, 0.8 * ld_H
     assert TS * VDC * np.hypot(*T[:2] @ [1, 1, 0, 0, 0, 1]) / ld_H > 0.5 * limit_A
     control = Control(cfg)

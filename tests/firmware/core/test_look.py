@@ -111,7 +111,7 @@ def firmware_squares(p, displacement, machine, axis_rad, off, magnets):
     look, circuit = ffi.new("ht_look *"), ffi.new("ht_look_circuit *")
     observer = ffi.new("ht_observer_config *")
     period, dead = ffi.new("ht_period *"), ffi.new("ht_dead_time *")
-    observer.ts_s, observer.winding, observer.magnets = TS_S, WINDINGS[displacement], magnets
+    observer.ts_s, observer.winding, observer.rotor = TS_S, WINDINGS[displacement], int(magnets)
     observer.inv_sigma_ls = 1 / machine["lq_H"]
     observer.magnet.inv_ld = 1 / machine["ld_H"]
     period.counts, period.first = COUNTS, p["first"]

@@ -132,7 +132,7 @@ class Legs:
         return np.array([got.alpha, got.beta])
 
     def command(self, v_pu, i, rotor, harmonic_V=None):
-        self.machine.magnets = harmonic_V is not None
+        self.machine.rotor = int(harmonic_V is not None)  # HT_ROTOR_MAGNET
         seen = ffi.new("ht_voltage_law_input *")
         seen.psi_Wb, seen.rotor_Wb = ab(rotor + SIGMA_L * i[:2]), ab(rotor)
         seen.turn_rad, seen.rs_ohm, seen.vdc_V = OMEGA * TS, R, VDC

@@ -61,7 +61,7 @@ def observer(machine, pull_Hz=0.0):
     c.sigma_ls_H, c.inv_sigma_ls, c.torque_gain = lq, 1 / lq, 3 * p
     c.hybrid_gain = 2 * np.pi * pull_Hz * TS
     c.omega_gain = 0.02
-    c.magnets = True
+    c.rotor = lib.HT_ROTOR_MAGNET
     c.magnet = magnet(machine)[0]
     return c
 
@@ -250,14 +250,14 @@ def turned_with(machine, cfg, i_dq, omega, periods, adapt):
     current that the voltage keeps; `adapt` is called with both in every hundredth."""
     r, ts = machine[0], cfg.ts_s
     exact, state = Exact(machine, omega), ffi.new("ht_observer_state *")
-    lib.ht_observer_align(cfg, state, pair(i_dq), pair(1 + 0j))
+    lib.ht_magnet_align(cfg, state, pair(i_dq), pair(1 + 0j))
     state.omega_sync_rad_s = omega
     v_dq = r * i_dq + 1j * omega * exact.flux(i_dq, 0.0)
     v_dq *= np.sinc(omega * ts / 2 / np.pi)  # mean of a period
     for n in range(1, periods + 1):
         axis, middle = (np.exp(1j * omega * ts * k) for k in (n, n - 0.5))
-        lib.ht_observer_update_magnet(
-            cfg, state, pair(v_dq * middle), pair(i_dq * axis), omega * ts, pair(axis)
+        lib.ht_magnet_update(
+            cfg, state, pair(v_dq * middle), pair(i_dq * axis), omega * ts, pair(axis), 0.0
         )
         if n % 100 == 0:
             adapt(cfg, state)
@@ -266,7 +266,7 @@ def turned_with(machine, cfg, i_dq, omega, periods, adapt):
 
 def learn(cfg, state):
     """R, with a time constant of ten periods."""
-    lib.ht_observer_adapt_magnet(cfg, state, 0.1)
+    lib.ht_magnet_adapt(cfg, state, 0.1)
 
 
 @pytest.mark.parametrize("share", [0.7, 1.5])
@@ -284,7 +284,7 @@ def test_a_wrong_resistance_is_learnt_where_the_magnets_induce_little(
     cfg.rs_ohm, cfg.magnet.psi_f_Wb = r / share, 1.05 * psi_f
     state = turned_with(machine, cfg, i_dq, turned * drop_V / psi_f, 15000, learn)
     assert state.rs_ohm == pytest.approx(r if learns else r / share, rel=0.03)
-    lib.ht_observer_adapt_magnet(cfg, state, 0.0)
+    lib.ht_magnet_adapt(cfg, state, 0.0)
     assert state.rs_ohm == pytest.approx(r / share)
 
 
@@ -307,10 +307,10 @@ def test_a_wrong_flux_is_learnt_where_the_magnets_induce_much(machine, share, tu
         cfg.ts_s, cfg.inv_ts, cfg.hybrid_gain = ts, 1 / ts, cfg.hybrid_gain / TS * ts
         state = turned_with(
             machine, cfg, i_dq, omega, 12000,
-            lambda cfg, of: lib.ht_observer_adapt_flux(cfg, of, 0.1, least_V),
+            lambda cfg, of: lib.ht_magnet_adapt_flux(cfg, of, 0.1, least_V),
         )  # fmt: skip
         found = share + state.more_Wb / psi_f
-        lib.ht_observer_adapt_flux(cfg, state, 0.0, least_V)
+        lib.ht_magnet_adapt_flux(cfg, state, 0.0, least_V)
         assert state.more_Wb == 0
         return found
 
@@ -331,7 +331,7 @@ def test_what_the_harmonics_induce_in_xy(machine):
         for order, share, phase in zip((5, 7), shares, phases):
             volts -= omega * psi_f * share * np.sin(order * (angle - coils) + phase)
         x, y = np.cos(5 * coils) @ volts / 3, np.sin(5 * coils) @ volts / 3
-        found = lib.ht_magnet_emf_V(m, pair(np.exp(1j * angle)), omega)
+        found = lib.ht_magnet_induced_V(m, pair(np.exp(1j * angle)), omega)
         np.testing.assert_allclose([found.x, found.y], [x, y], atol=2e-4 * omega * psi_f * 0.1)
 
 
@@ -375,12 +375,12 @@ def test_prediction_of_one_period(machine, omega):
         axis = np.exp(1j * angle)
         psi = exact.flux(i_dq, angle)
         v = 1j * omega * psi + complex(*rng.normal(0, 20, 2))
-        lib.ht_observer_align(cfg, state, pair(i_dq * axis), pair(axis))
+        lib.ht_magnet_align(cfg, state, pair(i_dq * axis), pair(axis))
         state.omega_sync_rad_s = omega
         assert as_complex(state.psi_Wb) == pytest.approx(psi, rel=1e-5)
         now, r = ffi.new("ht_estimate *"), ffi.new("ht_ab *")
         now.psi_Wb = pair(psi)
-        then = lib.ht_observer_predict_magnet(
+        then = lib.ht_magnet_predict(
             cfg, state, now[0], pair(v), pair(i_dq * axis), pair(axis), r
         )
         psi_1 = exact.after(psi, angle, v, TS)
@@ -402,10 +402,10 @@ def test_the_pull_bounds_what_a_wrong_resistance_does(machine, r_error):
     cfg = observer(machine, pull_Hz)
     cfg.rs_ohm = r_error * exact.r
     state = ffi.new("ht_observer_state *")
-    lib.ht_observer_align(cfg, state, pair(i_dq), pair(axis))
+    lib.ht_magnet_align(cfg, state, pair(i_dq), pair(axis))
     v = exact.r * i_dq
     for _ in range(5000):
-        lib.ht_observer_update_magnet(cfg, state, pair(v), pair(i_dq), 0.0, pair(axis))
+        lib.ht_magnet_update(cfg, state, pair(v), pair(i_dq), 0.0, pair(axis), 0.0)
     left = as_complex(state.psi_Wb) - exact.flux(i_dq, 0.0)
     expected = (1 - r_error) * exact.r * i_dq / (2 * np.pi * pull_Hz)
     assert left == pytest.approx(expected, rel=0.02)
@@ -461,13 +461,13 @@ def test_how_far_a_current_in_xy_turns_a_rotor_that_direct_current_holds(
 
     rest = brentq(torque, -0.5, 0.5, xtol=1e-9)
     seen = {"ab": pair(i), "xy": pair(i_xy)}
-    found = lib.ht_magnet_aside_rad(magnet(machine, e5, e7), pair(i / abs(i)), seen)
+    found = lib.ht_magnet_pulled_rad(magnet(machine, e5, e7), pair(i / abs(i)), seen)
     assert found == pytest.approx(rest, rel=0.04, abs=1e-6 + np.deg2rad(0.3) * abs(i_xy / i))
 
 
 def test_no_current_turns_no_rotor_aside(machine):
     none = {"ab": [0.0, 0.0], "xy": [1.0, 1.0]}
-    assert lib.ht_magnet_aside_rad(magnet(machine, 0.05), [1.0, 0.0], none) == 0.0
+    assert lib.ht_magnet_pulled_rad(magnet(machine, 0.05), [1.0, 0.0], none) == 0.0
 
 
 def aligned(known, path, counts=8192, pole_pairs=3, ticks=1000, electrical=0, first=1, along=0):

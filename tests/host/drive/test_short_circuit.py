@@ -105,7 +105,7 @@ def test_current_after_a_trip_is_that_of_the_shorted_machine(name):
     size = np.abs(exact[0] + 1j * exact[1])
     assert np.abs(found - (exact[0] + 1j * exact[1])).max() < 2e-3 * size.max()
     values = [row.parse(drive.get(n)) for n, row in firmware.parameters().items()]
-    predicted_A = lib.ht_misfit_short_A(ffi.new("ht_params *", [values]))
+    predicted_A = lib.ht_magnet_trip_short_A(ffi.new("ht_params *", [values]))
     assert abs(found).max() < predicted_A < 2.6 * abs(found).max()
     assert predicted_A < MACHINES[name][2]
 
