@@ -4,7 +4,6 @@
 #include "ht_limited.h"
 #include "ht_misfit.h"
 #include "ht_rotor_rules.h"
-#include "ht_rotors.h"
 
 #include <math.h>
 #include <stddef.h>

@@ -2,7 +2,7 @@
 #include "ht_angle.h"
 #include "ht_drive_inside.h"
 #include "ht_limited.h"
-#include "ht_rotors.h"
+#include "ht_rotor_rules.h"
 #include "ht_vsd.h"
 #include "ht_winding.h"
 

@@ -1,6 +1,8 @@
 /* Temperatures: losses of the machine, thermistors, and the torque that they leave. */
 #include "ht_drive_slow.h"
 
+#include "ht_rotor_rules.h"
+
 #include <math.h>
 
 /* Losses outside of the stator's winding: the rotor's at this torque, R_r (L_m/L_r)^2 i^2 with the current

@@ -2,7 +2,7 @@
 #include "ht_drive_slow.h"
 
 #include "ht_limited.h"
-#include "ht_rotors.h"
+#include "ht_rotor_rules.h"
 
 #include <math.h>
 #include <stddef.h>

@@ -3,7 +3,6 @@
 #include "ht_absolute.h"
 #include "ht_lost_legs.h"
 #include "ht_rotor_rules.h"
-#include "ht_rotors.h"
 #include "ht_ntc.h"
 #include "ht_schemes.h"
 #include "port.h"

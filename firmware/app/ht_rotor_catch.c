@@ -1,6 +1,6 @@
 #include "ht_rotor_catch.h"
 
-#include "ht_rotors.h"
+#include "ht_rotor_rules.h"
 #include "ht_turned.h"
 
 #include <math.h>

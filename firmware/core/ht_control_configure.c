@@ -170,7 +170,8 @@ ht_config_status ht_control_check(const ht_control_config *cfg)
         return HT_CONFIG_TIMING;
     }
     if (((unsigned)cfg->observer.kind >= HT_OBSERVERS)
-        || ((unsigned)cfg->observer.winding >= HT_WINDINGS) || !(cfg->observer.rs_ohm >= 0.0f)
+        || ((unsigned)cfg->observer.winding >= HT_WINDINGS)
+        || ((unsigned)cfg->observer.rotor >= (unsigned)HT_ROTORS) || !(cfg->observer.rs_ohm >= 0.0f)
         || !positive(cfg->observer.sigma_ls_H) || !positive(cfg->observer.inv_sigma_ls)
         || !positive(cfg->observer.lxy_H) || !(cfg->observer.rotor_decay >= 0.0f)
         || !(cfg->observer.rotor_decay < 0.5f)) {

@@ -1,7 +1,7 @@
 /** @file ht_rotor.h
- *  The kinds of rotor. A kind has a header with its functions for the control step (ht_<kind>_rotor.h),
- *  its row in each of the two lists here, and its functions for the drive (app/ht_drive_<kind>.c). Nothing
- *  else in the firmware names a kind.
+ *  The kinds of rotor. A kind has its number and its row here, its functions for the control step
+ *  (ht_<kind>_rotor.h, which ht_rotors.h includes) and for the drive (ht_<kind>_rules.h, ht_drive_slow.h).
+ *  What only some kinds have is a property that is asked for: `has_axis`, `induces`, `salient`.
  *
  *  The numbers are those of the parameter `machine`.
  */
@@ -9,8 +9,9 @@
 #define HT_ROTOR_H
 
 typedef enum {
-    HT_ROTOR_INDUCTION = 0, /**< a winding or a cage, in which the stator induces */
-    HT_ROTOR_MAGNET = 1     /**< permanent magnets */
+    HT_ROTOR_INDUCTION, /**< a winding or a cage, in which the stator induces */
+    HT_ROTOR_MAGNET,    /**< permanent magnets */
+    HT_ROTORS
 } ht_rotor;
 
 /** The kind that has a copy of the control step of its own. */
@@ -18,7 +19,9 @@ typedef enum {
 
 /** Calls the kind's function `does` with the arguments `given`, which are in brackets. No pointers: the
  *  stack can be analysed, and a known kind costs no instruction. */
+/* clang-format off: a row for each kind, the last one without a question */
 #define HT_ROTOR_DOES(rotor, does, given) \
     (((rotor) == HT_ROTOR_MAGNET) ? ht_magnet_##does given : ht_induction_##does given)
+/* clang-format on */
 
 #endif

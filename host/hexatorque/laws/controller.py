@@ -74,7 +74,7 @@ class LawController(Controller):
             )
         if (values.get("load_mode"), values.get("predict")) != ("shadow", "on"):
             raise LawError(f'law {law.label}: it needs timing.latency = "predicted"')
-        if values.get("machine") == "magnet":
+        if values.get("machine", "induction") != "induction":
             raise LawError(f"law {law.label}: it needs a machine with a winding on its rotor")
         if values.get("displacement_deg", "30") != "30":
             raise LawError(f"law {law.label}: it needs sets that are 30 degrees apart")

@@ -267,9 +267,7 @@ def _of_sensors(name: str) -> Rule:
 
 
 ALWAYS: dict[str, Rule] = {
-    "machine": Rule(
-        "the machine's: magnets, or a winding", lambda k: "magnet" if k.magnets else "induction"
-    ),
+    "machine": Rule("the machine's: magnets, or a winding", lambda k: k.unsaturated.ROTOR),
     "displacement_deg": Rule("the machine's", lambda k: f"{k.machine.displacement_deg:g}"),
     "pole_pairs": Rule("the machine's", lambda k: k.machine.pole_pairs),
     "rs_ohm": Rule(

@@ -36,6 +36,8 @@ class Parameters:
     leads: tuple[int, ...] = (1, 2, 3, 4, 5, 6)  #: phase on each leg, 1 is u1
     displacement_deg: float = 30.0  #: of set 2 from set 1, electrical
 
+    #: The firmware's kind of rotor, the parameter `machine`.
+    ROTOR: ClassVar[str] = "induction"
     #: For a comparison with a bench: what may be wrong, and what the kind's own quantities tell.
     MAY_DIFFER: ClassVar[tuple[Differing, ...]] = (
         R_S,
