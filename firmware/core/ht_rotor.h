@@ -19,9 +19,11 @@ typedef enum {
 
 /** Calls the kind's function `does` with the arguments `given`, which are in brackets. No pointers: the
  *  stack can be analysed, and a known kind costs no instruction. */
-/* clang-format off: a row for each kind, the last one without a question */
-#define HT_ROTOR_DOES(rotor, does, given) \
-    (((rotor) == HT_ROTOR_MAGNET) ? ht_magnet_##does given : ht_induction_##does given)
+/* A row for each kind, the last one without a question. */
+/* clang-format off */
+#define HT_ROTOR_DOES(rotor, does, given) (                  \
+    ((rotor) == HT_ROTOR_MAGNET) ? ht_magnet_##does given :  \
+    ht_induction_##does given)
 /* clang-format on */
 
 #endif
