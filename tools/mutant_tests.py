@@ -31,6 +31,8 @@ from collections import defaultdict
 from pathlib import Path
 from typing import IO, Any
 
+#: Bytes that the tests may take: a change may make them take ever more.
+MEMORY = 4 << 30
 #: Of the clock, in units of the limit for the processor: nobody waits for ever.
 PATIENCE = 20
 #: movabs rax, ...; jmp rax
@@ -87,6 +89,7 @@ class Plugin:
     def run(self, items: list[Any], request: dict[str, Any], there: int) -> None:
         """Run tests in the copy of the process."""
         resource.setrlimit(resource.RLIMIT_CPU, (self.limit_s, self.limit_s + 5))
+        resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
         seconds: dict[str, float] = defaultdict(float)
         try:
             replace(self.firmware, request["changed"], request["symbols"])

@@ -78,6 +78,8 @@ NOT_FOR_CORE = ("test_store", "test_log")
 QUICK_S = 0.3
 #: What the rules make of literals and types without knowing C: (2+1)u, 0.(3-1)f, 0.-1f, uint-1_t.
 NEVER_C = re.compile(r"\(\d+[+-]1\)[\w.]|\.\(|\d\.-\d|int-\d_t|int[01]_t")
+#: Bytes that the tests may take: a change may make them take ever more.
+MEMORY = 4 << 30
 #: Several times what the tests need of the processor.
 C_LIMIT_S, LIMIT_S = 10, 600
 
@@ -130,6 +132,7 @@ def symbols(library: Path) -> list[tuple[str, str, int]]:
 
 def limited() -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (C_LIMIT_S, C_LIMIT_S + 5))
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
 
 
 class Bench:

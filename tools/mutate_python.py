@@ -61,6 +61,8 @@ LOADED = ["cffi", "hypothesis.strategies", "jinja2", "matplotlib.pyplot", "numba
           "pydantic", "pytest", "scipy.integrate", "scipy.linalg", "scipy.signal"]  # fmt: skip
 #: Of pictures.
 LEFT_OUT = ("test_plots.py",)
+#: Bytes that the tests may take: a change may make them take ever more.
+MEMORY = 4 << 30
 #: Of the processor, for the tests of a file's own and for the others.
 LIMIT_S = {"plant": 600, "analysis": 120}
 #: Of the clock, on a computer that does other things.
@@ -125,6 +127,7 @@ def test(folder: Path, file: str, text: str, first: bool) -> None:
     """The process: its code is that of the first run of pytest in which a test failed."""
     limit_s = LIMIT_S[file.split("/")[0]]
     resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 5))
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     log = os.open(folder / "log.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(log, 1)
     os.dup2(log, 2)

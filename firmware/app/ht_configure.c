@@ -369,13 +369,12 @@ static void configure_outputs(const float *v, ht_outputs_config *c)
 /* How the angle is known that the alignment only checks. */
 static void configure_zero(const float *v, ht_drive_config *c)
 {
-    bool has_axis = HT_ROTOR_DOES(c->control.observer.rotor, has_axis, ());
     uint32_t counts_rev = c->alignment.counts_rev;
     uint16_t pairs = c->alignment.pole_pairs;
-    c->index.used = has_axis && (v[HT_P_rotor_start] == HT_ROTOR_START_INDEX);
+    c->index.used = c->has_axis && (v[HT_P_rotor_start] == HT_ROTOR_START_INDEX);
     c->index.counts_rev = counts_rev;
     c->index.near_counts = ht_index_near_counts(counts_rev, pairs);
-    c->absolute.used = has_axis && (v[HT_P_rotor_start] == HT_ROTOR_START_ABSOLUTE);
+    c->absolute.used = c->has_axis && (v[HT_P_rotor_start] == HT_ROTOR_START_ABSOLUTE);
     if (c->absolute.used) {
         ht_absolute_configure(&c->absolute, counts_rev, v[HT_P_absolute_counts_rev],
                               v[HT_P_absolute_direction] != 0.0f, pairs);
@@ -386,6 +385,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
     const float *v = c->params.v;
     float ticks = v[HT_P_build_s] * v[HT_P_f_isr_Hz];
+    c->has_axis = HT_ROTOR_DOES(c->control.observer.rotor, has_axis, ());
     c->alignment.first = (c->control.observer.winding == HT_WINDING_30) ? 1u : 0u;
     c->alignment.known = v[HT_P_rotor_start] != 0.0f;
     c->alignment.ticks = (uint32_t)ticks;

@@ -54,6 +54,7 @@ typedef struct {
     float built;      /**< slow interrupts of a build-up whose R_s tells something */
     ht_params params; /**< the parameters that all this is derived from */
     ht_excitation_config excitation;
+    bool has_axis;                 /**< the rotor has a d axis: it is aligned, not magnetised */
     ht_alignment_config alignment; /**< of a rotor with a d axis */
     ht_short_circuit_config short_circuit;
     ht_outputs_config outputs;

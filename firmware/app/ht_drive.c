@@ -42,12 +42,6 @@ static void turn_rotor(ht_drive *d, int32_t moved)
     d->rotor_faults = faults;
 }
 
-/* The rotor has a d axis. */
-static bool has_axis(const ht_drive *d)
-{
-    return HT_ROTOR_DOES(d->config->control.observer.rotor, has_axis, ());
-}
-
 static void measure(ht_drive *d)
 {
     const ht_samples *s = &d->samples;
@@ -60,7 +54,7 @@ static void measure(ht_drive *d)
     d->in.vdc_V = (float)s->adc[HT_ADC_VDC] * d->v_per_count;
     d->in.turn_rad = ht_limited(turn, TURN_MAX_RAD);
     d->position_now = s->position;
-    if (has_axis(d)) {
+    if (d->config->has_axis) {
         turn_rotor(d, (int32_t)moved);
     }
 }
@@ -261,7 +255,7 @@ HT_SELDOM static void coast(ht_drive *d)
     const ht_observer_config *c = &d->config->control.observer;
     const ht_ab no_current = {0.0f, 0.0f};
     d->off_ticks = (d->off_ticks < 0xFFFFu) ? (uint16_t)(d->off_ticks + 1u) : 0xFFFFu;
-    if (has_axis(d)) {
+    if (d->config->has_axis) {
         return;
     }
     d->flux_unknown *= 1.0f - c->rotor_decay;
@@ -339,7 +333,7 @@ static bool can_catch_rotor(const ht_drive *d)
 bool ht_drive_can_catch(const ht_drive *d)
 {
     const float *v = d->params.v;
-    bool known = has_axis(d) ? can_catch_rotor(d) : (d->flux_unknown < HT_FLUX_KNOWN);
+    bool known = d->config->has_axis ? can_catch_rotor(d) : (d->flux_unknown < HT_FLUX_KNOWN);
     return known && (v[HT_P_lost_legs] == 0.0f) && (v[HT_P_start_mode] == 0.0f);
 }
 
@@ -371,7 +365,7 @@ static void begin_flux(ht_drive *d)
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     float least_Wb = LEFT_OVER * v[HT_P_flux_ref_Wb];
     bool moves;
-    if (has_axis(d)) {
+    if (d->config->has_axis) {
         begin_rotor(d);
         return;
     }
@@ -543,7 +537,7 @@ static inline void drive(ht_drive *d, bool build)
         faults |= tripped_by(d);
     }
     faults |= d->slow_faults;
-    if (has_axis(d)) {
+    if (d->config->has_axis) {
         faults |= d->rotor_faults;
     }
     if (faults != 0u) {
@@ -836,12 +830,12 @@ void ht_drive_fast_isr(ht_drive *d)
         break;
     case HT_STATE_BUILD:
         d->state_ticks++;
-        if (has_axis(d) && (d->catches != 0u)) {
+        if (d->config->has_axis && (d->catches != 0u)) {
             if (catch_rotor(d)) {
                 begin_run_caught(d);
                 first_step(d);
             }
-        } else if (has_axis(d)) {
+        } else if (d->config->has_axis) {
             align(d);
         } else if (d->catches != 0u) {
             catch_shaft(d);

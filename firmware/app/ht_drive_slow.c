@@ -190,8 +190,7 @@ void ht_drive_slow_isr(ht_drive *d)
         ht_drive_come_to_a_stop(d, c);
     } else {
         d->torque_more_Nm = 0.0f;
-        if ((d->state == (uint16_t)HT_STATE_BUILD)
-            && !HT_ROTOR_DOES(c->control.observer.rotor, has_axis, ())) {
+        if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->has_axis) {
             faults = follow_build(d, c);
         }
         d->slow_faults = faults | lasting;

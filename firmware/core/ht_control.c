@@ -143,17 +143,12 @@ static HT_INTO_CALLERS void machine_seen(const ht_control_config *cfg, const ht_
     seen->psi_xy_Wb = st->psi_xy_Wb;
     seen->i_A = i;
     seen->turn_rad = cfg->observer.ts_s * st->observer.omega_sync_rad_s;
-    seen->rotor_Wb = HT_ROTOR_DOES(
-        rotor, ahead_Wb, (&cfg->observer, &st->observer, st->estimate.psi_Wb, i.ab, st->rotor_Wb));
-    seen->turn_rad =
-        HT_ROTOR_DOES(rotor, turn_rad, (st->estimate.psi_Wb, in->flux_ref_Wb, seen->turn_rad));
-    if (HT_ROTOR_DOES(rotor, induces, ())) {
-        seen->emf_V = st->emf_V;
-    }
     seen->rs_ohm = st->observer.rs_ohm;
     seen->torque_ref_Nm = in->torque_ref_Nm;
     seen->flux_ref_Wb = in->flux_ref_Wb;
     seen->vdc_V = in->vdc_V;
+    HT_ROTOR_DOES(rotor, tell,
+                  (&cfg->observer, &st->observer, &st->estimate, &st->rotor_Wb, &st->emf_V, seen));
 }
 
 /* A voltage that the law wants, units of Vdc. */
@@ -225,8 +220,8 @@ static HT_INTO_CALLERS void begin_pattern(const ht_control_config *cfg, ht_contr
 }
 
 /* Voltage that the rotor induces in x-y, `periods` from now. */
-static ht_xy induced_V(const ht_control_config *cfg, const ht_control_state *st, ht_ab axis,
-                       float periods)
+HT_APART static ht_xy induced_V(const ht_control_config *cfg, const ht_control_state *st,
+                                ht_ab axis, float periods)
 {
     float omega = st->observer.omega_sync_rad_s;
     ht_ab turned = ht_turned(axis, periods * cfg->observer.ts_s * omega);

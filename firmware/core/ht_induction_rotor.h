@@ -92,13 +92,34 @@ static HT_INTO_CALLERS ht_estimate ht_induction_predict(const ht_observer_config
     return ht_observer_predict(cfg, st, now, v_V, i_A);
 }
 
-/** The rotor flux seen from the stator, one period ahead of `psi_Wb` and `i_A`. `rotor_Wb`: of ..._predict. */
-static HT_INTO_CALLERS ht_ab ht_induction_ahead_Wb(const ht_observer_config *cfg,
-                                                   const ht_observer_state *st, ht_ab psi_Wb,
-                                                   ht_ab i_A, ht_ab rotor_Wb)
+/** Squares of shares of the flux reference: a flux that is shorter than the first is not the
+ *  reference's ripple, and one below the second has no speed that could be told. */
+#define HT_SHORT_FLUX2 0.9f
+#define HT_NO_FLUX2 0.04f
+
+/* The angle that the flux turns in a period, if it is `turn_rad` by the observer's speed. That takes the
+ * reference for the flux's length. With a short flux it is too low, a law that believed it would turn the
+ * flux too slowly, and the current that this makes would shorten the flux further. */
+static inline float ht_turn_of_short(ht_ab psi_Wb, float flux_ref_Wb, float turn_rad)
+{
+    float ref2 = flux_ref_Wb * flux_ref_Wb;
+    float size2 = psi_Wb.alpha * psi_Wb.alpha + psi_Wb.beta * psi_Wb.beta;
+    bool is_short = (size2 < (HT_SHORT_FLUX2 * ref2)) && (size2 > (HT_NO_FLUX2 * ref2));
+    return is_short ? (turn_rad * HT_SHORT_FLUX2 * ref2 / size2) : turn_rad;
+}
+
+/** What the kind tells a law of the machine one period ahead: `rotor_Wb`, and `emf_V` where it induces.
+ *  `turn_rad` is what the observer's speed makes of it, and may be corrected; the rest of `seen` is there.
+ *  `now`: the latest estimate; `rotor_Wb`: of ..._predict; `emf_V`: what is induced in x-y then. */
+static HT_INTO_CALLERS void ht_induction_tell(const ht_observer_config *cfg,
+                                              const ht_observer_state *st, const ht_estimate *now,
+                                              const ht_ab *rotor_Wb, const ht_xy *emf_V,
+                                              ht_voltage_law_input *seen)
 {
     (void)rotor_Wb;
-    return ht_observer_predict_rotor(cfg, st, psi_Wb, i_A);
+    (void)emf_V;
+    seen->rotor_Wb = ht_observer_predict_rotor(cfg, st, now->psi_Wb, seen->i_A.ab);
+    seen->turn_rad = ht_turn_of_short(now->psi_Wb, seen->flux_ref_Wb, seen->turn_rad);
 }
 
 /** The d axis is known, `axis`, while the machine carries `i_A`: the flux begins there. */
@@ -145,22 +166,6 @@ static inline void ht_induction_adapt_flux(const ht_observer_config *cfg, ht_obs
     (void)st;
     (void)gain;
     (void)least_V;
-}
-
-/** Squares of shares of the flux reference: a flux that is shorter than the first is not the
- *  reference's ripple, and one below the second has no speed that could be told. */
-#define HT_SHORT_FLUX2 0.9f
-#define HT_NO_FLUX2 0.04f
-
-/** The angle that the flux turns in a period, if it is `turn_rad` by the observer's speed. That takes the
- *  reference for the flux's length. With a short flux it is too low, a law that believed it would turn the
- *  flux too slowly, and the current that this makes would shorten the flux further. */
-static inline float ht_induction_turn_rad(ht_ab psi_Wb, float flux_ref_Wb, float turn_rad)
-{
-    float ref2 = flux_ref_Wb * flux_ref_Wb;
-    float size2 = psi_Wb.alpha * psi_Wb.alpha + psi_Wb.beta * psi_Wb.beta;
-    bool is_short = (size2 < (HT_SHORT_FLUX2 * ref2)) && (size2 > (HT_NO_FLUX2 * ref2));
-    return is_short ? (turn_rad * HT_SHORT_FLUX2 * ref2 / size2) : turn_rad;
 }
 
 /** The flux that has the torque asked for, next to the length asked for. `psi_Wb`: the flux now. */

@@ -68,22 +68,17 @@ static inline ht_xy ht_magnet_emf_V(const ht_observer_config *machine, ht_ab axi
     return ht_magnet_induced_V(&machine->magnet, axis, omega_rad_s);
 }
 
-static inline ht_ab ht_magnet_ahead_Wb(const ht_observer_config *cfg, const ht_observer_state *st,
-                                       ht_ab psi_Wb, ht_ab i_A, ht_ab rotor_Wb)
+/** The speed is the rotor's: it does not depend on the flux. */
+static HT_INTO_CALLERS void ht_magnet_tell(const ht_observer_config *cfg,
+                                           const ht_observer_state *st, const ht_estimate *now,
+                                           const ht_ab *rotor_Wb, const ht_xy *emf_V,
+                                           ht_voltage_law_input *seen)
 {
     (void)cfg;
     (void)st;
-    (void)psi_Wb;
-    (void)i_A;
-    return rotor_Wb;
-}
-
-/** The speed is the rotor's: it does not depend on the flux. */
-static inline float ht_magnet_turn_rad(ht_ab psi_Wb, float flux_ref_Wb, float turn_rad)
-{
-    (void)psi_Wb;
-    (void)flux_ref_Wb;
-    return turn_rad;
+    (void)now;
+    seen->rotor_Wb = *rotor_Wb;
+    seen->emf_V = *emf_V;
 }
 
 /** r changes with the flux. */

@@ -1,5 +1,5 @@
-"""CONTRIBUTING.md shows how to add a law, a scheme, a chip, a machine model and a study: each is a
-patch in tests/project/patches. Here all five are applied to a copy of the tree, which is built and
+"""CONTRIBUTING.md shows how to add a law, a scheme, a chip, a machine model, a kind of rotor and a
+study: each is a patch in tests/project/patches. Here all six are applied to a copy of the tree, which is built and
 tried.
 
 The copy's plant is not compiled (NUMBA_DISABLE_JIT=1): that takes longer than a short simulation
@@ -21,7 +21,7 @@ from stand_in_compiler import configure, needs_cmake, stand_ins
 
 PATCHES = ROOT / "tests" / "project" / "patches"
 #: Patch -> the most files with code that it may touch.
-MOST = {"law": 6, "scheme": 3, "chip": 4, "machine_model": 2, "study": 2}
+MOST = {"law": 6, "scheme": 3, "chip": 4, "machine_model": 2, "kind": 6, "study": 2}
 #: Files without code: settings of the build, and pages.
 NO_CODE = (".json", ".md")
 SETUP = """
@@ -88,7 +88,7 @@ def run(tree: Path, *command: str | Path) -> subprocess.CompletedProcess:
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory):
-    """A copy of the checkout with all five patches. Each alone fits as well."""
+    """A copy of the checkout with all six patches. Each alone fits as well."""
     folder = tmp_path_factory.mktemp("tree")
     listed = run(ROOT, GIT, "ls-files", "-z", "--cached", "--others", "--exclude-standard").stdout
     for name in listed.strip("\0").split("\0"):
@@ -211,6 +211,17 @@ def test_machine_model(found):
     end = 1 / ((1 / begin + ratio) * growth - ratio)
     assert begin / growth - end > 0.1  # rad/s: the fan shows
     assert coasting["to_rad_s"] == pytest.approx(end, abs=1e-4 * (begin - end))
+
+
+def test_kind_of_rotor(found):
+    """The set-up's machine model tells the drive its kind. The resistances that the drive uses
+    stay as they are configured, and those of an induction machine do not: its R_r is told 30 % too
+    small here."""
+    solid, induction = found["kinds"]["solid"], found["kinds"]["induction"]
+    assert (solid["state"], induction["state"]) == ("run", "run")
+    assert (solid["rs"], solid["rr"]) == (1.0, 1.0)
+    assert abs(induction["rs"] - 1) > 1e-3
+    assert solid["torque_Nm"] == pytest.approx(3.0, abs=0.3)
 
 
 def test_a_row_of_a_table_is_all(built, found):

@@ -1,4 +1,5 @@
-"""Tries a scheme, a law, a chip and a machine model in two simulations, for test_adding.py.
+"""Tries a scheme, a law, a chip, a machine model and a kind of rotor in simulations, for
+test_adding.py.
 
     python tried_additions.py SETUP.toml
 
@@ -99,6 +100,24 @@ def running(setup) -> dict:
     }
 
 
+def of_kind(setup, model: str) -> dict:
+    """The resistances in use, over the configured ones, and the torque of the same machine with the
+    rotor of another model."""
+    own = {"machine.model": model, "controller.scheme": "ddr"}
+    drive = SimulatedDrive(setup.changed(own), samples_per_period=1)
+    drive.start()
+    drive.run(STARTED_S + RUN_S)
+    state = drive.controller.drive.control.observer
+    recording = drive.take()
+    return {
+        "kind": drive.get("machine"),
+        "state": drive.state,
+        "rs": state.rs_ohm / np.float32(drive.get("rs_ohm")),
+        "rr": state.rr_scale,
+        "torque_Nm": float(recording["plant.torque_Nm"][-100:].mean()),
+    }
+
+
 def rows() -> dict:
     """What is known of the rows that were added to the tables."""
     ffi, lib = firmware.ffi, firmware.lib
@@ -146,6 +165,10 @@ def main() -> None:
         "running": running(setup),
         "law": running(setup.with_scheme("flux-pi")),
         "predicted": {name: firmware.needs_prediction(name) for name in firmware.schemes()},
+        "kinds": {
+            kind: of_kind(setup, model)
+            for kind, model in (("solid", "induction-solid"), ("induction", "induction"))
+        },
         "rows": rows(),
     }
     print(json.dumps(found))
