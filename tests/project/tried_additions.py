@@ -112,7 +112,7 @@ def of_kind(setup, model: str) -> dict:
     return {
         "kind": drive.get("machine"),
         "state": drive.state,
-        "rs": state.rs_ohm / np.float32(drive.get("rs_ohm")),
+        "rs": float(state.rs_ohm / np.float32(drive.get("rs_ohm"))),
         "rr": state.rr_scale,
         "torque_Nm": float(recording["plant.torque_Nm"][-100:].mean()),
     }
