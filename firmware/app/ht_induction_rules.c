@@ -56,10 +56,10 @@ float ht_induction_limit_A(const ht_derating_config *c, const ht_observer_config
 
 void ht_induction_configure_protect(const float *v, ht_protect_config *c)
 {
-    float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
     c->rotor_gain = 1.0f; /* R_r not told: every change is taken for a steady state */
     c->magnetise_A_Wb = 0.0f;
     if (v[HT_P_rr_ohm] > 0.0f) {
+        float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
         c->rotor_gain = v[HT_P_rr_ohm]
                         / (v[HT_P_rr_ohm] + v[HT_P_lr_H] * v[HT_P_f_slow_Hz] / ROTOR_FASTER);
         c->magnetise_A_Wb = ROTOR_FASTER / (ratio * v[HT_P_lm_H]);
