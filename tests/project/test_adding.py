@@ -1,6 +1,6 @@
 """CONTRIBUTING.md shows how to add a law, a scheme, a chip, a machine model, a kind of rotor and a
-study: each is a patch in tests/project/patches. Here all six are applied to a copy of the tree, which is built and
-tried.
+study: each is a patch in tests/project/patches. Here all six are applied to a copy of the tree,
+which is built and tried.
 
 The copy's plant is not compiled (NUMBA_DISABLE_JIT=1): that takes longer than a short simulation
 without it.

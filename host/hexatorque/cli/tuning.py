@@ -94,7 +94,7 @@ def tune(
     course.check_points(loaded, where)
     report.make_folder(output)
     compile_now()
-    runs = trials + 2 * len(tuning.ERRORS) + 1
+    runs = trials + 2 * len(tuning.errors_of(loaded)) + 1
     with working(console, "tuning", runs * course.simulated_s(loaded, where)) as work:
         tuned = tuning.tune(
             request,

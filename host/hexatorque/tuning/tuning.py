@@ -11,6 +11,7 @@ from typing import Any
 from .. import __version__
 from ..experiments.operating_points import Progress
 from ..parallel import each as run_each
+from ..plant.machines import constants_of, parameters_of
 from ..setups import Setup, SetupError, parameters
 from ..setups.keys import TIMING_OWNS
 from ..setups.review import review
@@ -38,18 +39,10 @@ def _both_ways(*what: tuple[str, str, int]) -> tuple[tuple[str, str, float], ...
     )
 
 
-#: What may be wrong: name, parameter that the controller knows of the machine or INERTIA, factor.
-ERRORS = _both_ways(
-    ("R_s", "rs_ohm", 30), ("L_m", "lm_H", 30), ("σL_s", "sigma_ls_H", 30), ("J", INERTIA, 30)
-)
-#: The same with magnets. Their flux is known better.
-MAGNET_ERRORS = _both_ways(
-    ("R_s", "rs_ohm", 30), ("ψ_f", "psi_f_Wb", 10), ("L", "sigma_ls_H", 30), ("J", INERTIA, 30)
-)
-
-
 def errors_of(setup: Setup) -> tuple[tuple[str, str, float], ...]:
-    return MAGNET_ERRORS if setup.parameter("machine") == "magnet" else ERRORS
+    """What may be wrong: name, parameter that the controller knows of the machine or INERTIA,
+    factor."""
+    return _both_ways(*parameters_of(setup["machine.model"]).TOLD_WRONG, ("J", INERTIA, 30))
 
 
 @dataclass(frozen=True)
@@ -236,7 +229,7 @@ def wrong(setup: Setup, key: str, factor: float) -> Setup:
     changes: dict[str, float] = {f"controller__{key}": factor * value}
     if key == "lm_H":
         changes["controller__lr_H"] = float(setup.parameter("lr_H")) + (factor - 1) * value
-    if key == "sigma_ls_H" and setup.parameter("machine") == "magnet":
+    if key == "sigma_ls_H" and "ld_H" in constants_of(setup["machine.model"]):
         changes["controller__ld_H"] = factor * float(setup.parameter("ld_H"))
     return setup.changed(**changes)
 

@@ -380,9 +380,7 @@ def test_prediction_of_one_period(machine, omega):
         assert as_complex(state.psi_Wb) == pytest.approx(psi, rel=1e-5)
         now, r = ffi.new("ht_estimate *"), ffi.new("ht_ab *")
         now.psi_Wb = pair(psi)
-        then = lib.ht_magnet_predict(
-            cfg, state, now[0], pair(v), pair(i_dq * axis), pair(axis), r
-        )
+        then = lib.ht_magnet_predict(cfg, state, now[0], pair(v), pair(i_dq * axis), pair(axis), r)
         psi_1 = exact.after(psi, angle, v, TS)
         angle_1 = angle + omega * TS
         i_1 = exact.current(psi_1, angle_1)

@@ -46,6 +46,10 @@ class Parameters:
         Differing("leakage", ("lls_H", "llr_H"), 0.2),
         L_XY,
     )
+    #: For tuning: what the controller may be told wrong, its parameter, and by how many percent.
+    TOLD_WRONG: ClassVar[tuple[tuple[str, str, int], ...]] = (
+        ("R_s", "rs_ohm", 30), ("L_m", "lm_H", 30), ("σL_s", "sigma_ls_H", 30),
+    )  # fmt: skip
     TELLS: ClassVar[dict[str, str]] = {
         "current amplitude": "load, L_m, flux, probes",
         "current along the flux": "L_m, flux error",

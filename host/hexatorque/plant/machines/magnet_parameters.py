@@ -65,6 +65,10 @@ class Parameters:
             for place, order in enumerate(ORDERS[:2])
         ),
     )
+    #: For tuning. The magnets' flux is known better.
+    TOLD_WRONG: ClassVar[tuple[tuple[str, str, int], ...]] = (
+        ("R_s", "rs_ohm", 30), ("ψ_f", "psi_f_Wb", 10), ("L", "sigma_ls_H", 30),
+    )  # fmt: skip
     TELLS: ClassVar[dict[str, str]] = {
         "current amplitude": "load, psi_f, probes",
         "current along the flux": "psi_f, L_q, encoder's angle",
