@@ -4,9 +4,11 @@
 #include "ht_control_configure.c"
 #include "ht_deadbeat_law.c"
 #include "ht_foc_law.c"
+#include "ht_induction_rules.c"
 #include "ht_interleaved.c"
 #include "ht_interleaved_law.c"
 #include "ht_lost_legs.c"
+#include "ht_magnet_rules.c"
 #include "ht_misfit.h"
 #define shares_of modulator_shares_of
 #include "ht_modulator.c"

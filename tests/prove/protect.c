@@ -1,4 +1,6 @@
 #include "ht_contracts.h"
+#include "ht_induction_rules.c"
+#include "ht_magnet_rules.c"
 #include "ht_protect.c"
 #include "prove.h"
 
