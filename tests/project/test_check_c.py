@@ -14,8 +14,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 BIN = Path(sys.executable).parent
 PART = (
-    "MISRA.md", "core/ht_types.h", "core/ht_rotor.h", "core/ht_xy_regulator.h", "core/ht_xy_regulator.c",
+    "MISRA.md", "core/ht_types.h", "core/ht_xy_regulator.h", "core/ht_xy_regulator.c",
     "app/ht_params.h", "app/ht_params.c", "app/ht_params.def", "app/ht_initial.h",
+    "core/ht_rotor.h",
     "core/ht_schemes.h", "core/ht_schemes.def", "core/ht_laws.def", "core/ht_limited.h",
     "port/c2000/ht_c2000_map.h", "port/c2000/ht_chips.def",
     *(f"port/c2000/{path.name}" for path in (ROOT / "firmware/port/c2000").glob("ht_family_*.def")),
