@@ -98,8 +98,12 @@ def test_a_dead_man_that_does_not_know_a_state_fails_the_study(monkeypatch):
 
 
 def test_every_fault_is_found_under_interleaved_carriers():
-    """The campaign draws a scheme for each run; this one has every fault."""
+    """The campaign draws a scheme for each run; this one has every fault that the law can take part
+    in: not those of thermistors, chopper and line."""
+    others = "thermistor", "chopper", "host silent"
     for n, fault in enumerate(faults.FAULTS):
+        if any(word in fault.name for word in others):
+            continue
         setup = fault.of_setups[n % len(fault.of_setups)]
         found = faults.run(fault, "run", "db-ipwm", setup, n)
         assert found.error == "", (fault.name, setup)
