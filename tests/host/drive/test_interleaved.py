@@ -236,10 +236,11 @@ def test_a_drive_that_is_sampled_too_slowly_for_it_says_so_and_goes_on():
     """The change is refused in one line, with the sampling frequency that is allowed."""
     base = setups.load("small-2kw").with_scheme("db-dtfc", controller__f_isr_Hz=7e3)
     sim = started(base)
-    with pytest.raises(FirmwareError, match=r"^scheme = db-ipwm: .*f_isr_Hz = 7000 Hz.* allowed is "
-                                            r"1\.254e\+04 Hz and more: the ripple") as told:  # fmt: skip
+    with pytest.raises(FirmwareError) as told:
         sim.set("scheme", "db-ipwm")
-    assert "\n" not in str(told.value)
+    line = str(told.value)
+    assert line.startswith("scheme = db-ipwm: ") and "\n" not in line
+    assert "f_isr_Hz = 7000 Hz" in line and "allowed is 1.254e+04 Hz and more: the ripple" in line
     sim.run(0.1, record=False)
     sim.check()
     assert (sim.state, sim.get("scheme")) == ("run", "db-dtfc")
