@@ -107,12 +107,14 @@ uint16_t ht_protect_encoder(const ht_protect_config *cfg, ht_protect_state *st, 
     return 0u;
 }
 
+/* A command beyond Vdc is none of these: where interleaved sets decide one after the other, a step of the
+ * torque beyond the reach asks one set for the opposite of what the other one still makes. */
 static bool finite_results(const ht_control_state *c, float torque_ref_Nm)
 {
     const float huge = 1.0e6f;
     return within(c->estimate.torque_Nm, huge) && within(c->decided.torque_Nm, huge)
-           && within(torque_ref_Nm, huge) && within(c->v_xy_pu.x, 1.0f)
-           && within(c->v_xy_pu.y, 1.0f) && within(c->estimate.psi_Wb.alpha, huge)
+           && within(torque_ref_Nm, huge) && within(c->v_xy_pu.x, huge)
+           && within(c->v_xy_pu.y, huge) && within(c->estimate.psi_Wb.alpha, huge)
            && within(c->estimate.psi_Wb.beta, huge);
 }
 

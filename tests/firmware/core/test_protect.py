@@ -841,20 +841,22 @@ def test_torques_that_are_not_finite_trip(name, sign):
 
 
 @pytest.mark.parametrize("sign", (1, -1))
-def test_xy_command_within_the_link_voltage(sign):
+def test_xy_command_that_is_not_finite_trips(sign):
+    """One beyond the link voltage is a number, too."""
     for unit in (1, 1j):
-        assert result(xy=unit * sign * 0.999) == 0
-        assert result(xy=unit * sign * 1.001) == bit("NONFINITE")
+        assert result(xy=unit * sign * 1.3) == 0
+        assert result(xy=unit * sign * 0.99e6) == 0
+        assert result(xy=unit * sign * 1.01e6) == bit("NONFINITE")
     for bad in (NAN, sign * INF):
         assert result(xy=complex(bad, 0)) == result(xy=complex(0, bad)) == bit("NONFINITE")
 
 
 def test_each_value_has_its_own_bounds():
     """Each value has its own bound, also if many others are near theirs."""
-    assert result(torque=0.99e6, decided=-0.99e6, reference=0.99e6, xy=0.99 - 0.99j) == 0
+    assert result(torque=0.99e6, decided=-0.99e6, reference=0.99e6, xy=0.99e6 - 0.99e6j) == 0
     assert result(torque=0.99e6, psi=2j) == bit("FLUX")
     assert result(torque=9e4, decided=9e4, reference=1.01e6) == bit("NONFINITE")
-    assert result(xy=0.8 + 1.1j) == result(xy=1.1 + 0.8j) == bit("NONFINITE")
+    assert result(xy=0.8 + 1.1e6j) == result(xy=1.1e6 + 0.8j) == bit("NONFINITE")
 
 
 def test_all_faults_of_the_results_are_reported_together():

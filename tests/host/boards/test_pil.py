@@ -103,31 +103,48 @@ def test_all_bits_of_16_bit_int(quick, need):
 
 
 def test_magnets_with_16_bit_int(need):
-    """3000 closed-loop steps on the ATmega2560 through a law of each kind. The encoder tells the
+    """3400 closed-loop steps on the ATmega2560 through a law of each kind. The encoder tells the
     angle, so no alignment takes a second."""
     need("atmega2560")
     setup = setups.load("magnet-surface").changed(
         sensors__absolute_counts_rev=8192, controller__rotor_start="absolute",
         controller__build_s=0.05, timing__latency="predicted",
     )  # fmt: skip
-    changes = ((0.15, "scheme", "db-dtfc"), (0.2, "scheme", "foc"), (0.25, "scheme", "ddr"))
+    changes = (
+        (0.15, "scheme", "db-dtfc"), (0.2, "scheme", "foc"), (0.25, "scheme", "db-ipwm"),
+        (0.28, "thd_share", 1.0), (0.3, "scheme", "ddr"),
+    )  # fmt: skip
     profile = Profile(
-        duration_s=0.3, speed_rpm=((0.11, 300.0),), load_Nm=((0.13, 1.0),), set=changes,
+        duration_s=0.34, speed_rpm=((0.11, 300.0),), load_Nm=((0.13, 1.0),), set=changes,
         samples_per_period=1,
     )  # fmt: skip
     with emulator_process.emulator("atmega2560") as target:
         outcome = pil.compare(setup.changed(controller__scheme="ddr"), profile, target)
     assert outcome.failures() == []
-    assert (outcome.steps, outcome.state) == (3000, "run")
+    assert (outcome.steps, outcome.state) == (3400, "run")
 
 
-def test_transients_of_magnets_begin_after_their_alignment(m4f):
-    setup = setups.load("magnet-interior").with_scheme("foc")
+@pytest.mark.parametrize(
+    ("name", "scheme"), [("magnet-interior", "foc"), ("magnet-surface", "db-ipwm")]
+)
+def test_transients_of_magnets_begin_after_their_alignment(m4f, name, scheme):
+    setup = setups.load(name).with_scheme(scheme)
     profile = pil.transients(setup)
     assert profile.speed_rpm[0][0] > float(setup.parameter("build_s"))
     outcome = pil.compare(setup, profile, m4f)
     assert outcome.failures() == [] and outcome.state == "run"
     assert abs(outcome.recording["plant.speed_rpm"]).max() > 0.9 * setup["point.speed_rpm"]
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_pulses_with_places_and_sets_that_begin_together_bit_by_bit(m4f, share):
+    """At a voltage at which they do, with legs that are clamped by turns at one end of the knob."""
+    setup = setups.load("paper-b").with_scheme(
+        "db-ipwm", controller__thd_share=share, controller__clamp="alternating",
+        controller__kappa_from_pu=0.3, controller__f_isr_Hz=16e3, timing__latency="predicted",
+    )  # fmt: skip
+    outcome = pil.compare(setup, pil.transients(setup), m4f)
+    assert outcome.failures() == [] and (outcome.steps, outcome.state) == (32000, "run")
 
 
 def test_the_state_test_bit_by_bit(quick, m4f):

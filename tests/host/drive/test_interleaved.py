@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from campaigns import part
 
-from hexatorque import setups
+from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.methods.bench import measure
 from hexatorque.evidence.methods.places import PLACES
+from hexatorque.evidence.studies.fault_checks import shoot_through
+from hexatorque.firmware import FirmwareError
 from hexatorque.plant.vsd import PHASES
 from hexatorque.setups import review
 from hexatorque.setups.review import PEAK
@@ -155,6 +157,93 @@ def test_a_run_up_beyond_the_reach_with_the_full_flux_trips_nothing(scheme, f_is
     sim.sensors.hold[7] = 1
     sim.run(0.1, record=False)
     assert "encoder" in ", ".join(sim.faults)
+
+
+@pytest.mark.parametrize("f_isr_Hz", (10e3, 20e3))
+@pytest.mark.parametrize("share", (0.0, 0.5, 1.0))
+def test_a_reversal_from_beyond_the_reach_trips_nothing(share, f_isr_Hz):
+    """The sets decide one after the other. The first asks for a torque that brakes, with all
+    that the link has, while the second still drives with as much."""
+    base = setups.load("paper-b").with_scheme(
+        "db-ipwm",
+        controller__f_isr_Hz=f_isr_Hz,
+        controller__thd_share=share,
+        controller__field_weakening="off",
+        timing__latency="predicted",
+    )
+    sim = started(base)
+    for rpm in (4600.0, -4600.0, 2500.0):
+        sim.set("speed_ref_rpm", rpm)
+        sim.run(1.8, record=False)
+        sim.check()
+        assert sim.speed_rpm == pytest.approx(rpm, rel=0.08)
+
+
+OTHERS = [scheme for scheme in firmware.schemes() if scheme != "db-ipwm"]
+#: Machine, share: those of the set-ups, a small and a large one, and two with magnets.
+CHANGING = [
+    ("paper-a-feasible", 0.0), ("paper-b", 1.0), ("small-2kw", 0.0), ("large-110kw", 1.0),
+    ("magnet-surface", 0.0), ("magnet-24v", 1.0),
+]  # fmt: skip
+#: Its x-y current alone trips the drive.
+TRIPS = {("small-2kw", "dtc1")}
+
+
+def seen(sim):
+    """Least and largest torque, and the largest current of a phase, of what was recorded."""
+    rec = sim.take()
+    torque_Nm = rec["plant.torque_Nm"]
+    peak_A = max(np.abs(rec[f"plant.i_{phase}_A"]).max() for phase in PHASES)
+    return np.array([torque_Nm.min(), torque_Nm.max(), peak_A])
+
+
+@pytest.mark.parametrize(("name", "share"), CHANGING)
+def test_every_scheme_may_come_before_it_and_after_it(name, share):
+    """From every other scheme and to it, at each of the four periods of a carrier, at standstill,
+    motoring and generating. No gate pulse is too short, no leg changes over without its dead time.
+    The torque stays near what both schemes have in steady state, and the current as well."""
+    sim = started(setups.load(name).with_scheme("db-ipwm", controller__thd_share=share), 4)
+    speed, load = sim.setup["point.speed_rpm"], sim.setup["point.load_Nm"]
+    others = [one for one in OTHERS if (name, one) not in TRIPS]
+    for speed_rpm, load_Nm in ((0, load / 2), (speed, load), (speed, -load), (-speed, load)):
+        sim.set_many({"load_Nm": 0.0, "speed_ref_rpm": float(speed_rpm)})
+        sim.run(1.0, record=False)
+        sim.set("load_Nm", float(load_Nm))
+        sim.run(0.5, record=False)
+        for other in others:
+            steady = []
+            for scheme in (other, "db-ipwm"):
+                sim.set("scheme", scheme)
+                sim.run(0.02, record=False)
+                sim.run(0.02)
+                steady.append(seen(sim))
+            least_Nm, (_, most_Nm, peak_A) = np.min(steady, axis=0)[0], np.max(steady, axis=0)
+            legs = np.array(sim.inverter.leg)
+            sim.log_edges(20_000)
+            for periods in range(40, 44):
+                for scheme in (other, "db-ipwm"):
+                    sim.set("scheme", scheme)
+                    sim.run(periods * sim.period_s)
+            assert sim.state == "run", (other, sim.faults)
+            assert shoot_through(sim, legs) == "", other
+            sim.log_edges(0)
+            low_Nm, high_Nm, top_A = seen(sim)
+            assert low_Nm > least_Nm - 0.25 * load and high_Nm < most_Nm + 0.25 * load, other
+            assert top_A < min(1.4 * peak_A, sim.setup.parameter("i_trip_A")), other
+
+
+def test_a_drive_that_is_sampled_too_slowly_for_it_says_so_and_goes_on():
+    """The change is refused in one line, with the sampling frequency that is allowed."""
+    base = setups.load("small-2kw").with_scheme("db-dtfc", controller__f_isr_Hz=7e3)
+    sim = started(base)
+    with pytest.raises(FirmwareError) as told:
+        sim.set("scheme", "db-ipwm")
+    line = str(told.value)
+    assert line.startswith("scheme = db-ipwm: ") and "\n" not in line
+    assert "f_isr_Hz = 7000 Hz" in line and "allowed is 1.254e+04 Hz and more: the ripple" in line
+    sim.run(0.1, record=False)
+    sim.check()
+    assert (sim.state, sim.get("scheme")) == ("run", "db-dtfc")
 
 
 @pytest.mark.parametrize("clamp", ("largest", "alternating"))

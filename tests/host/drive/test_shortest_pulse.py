@@ -61,6 +61,45 @@ def test_a_reversal_makes_no_short_pulse(scheme, zero_sequence):
     check(sim)
 
 
+#: What a scheme makes, of which the shortest pulse is a limit: sampling frequency, share of the
+#: distortion, zero sequence, shortest pulse. The longest ones leave a period no more than two.
+INTERLEAVED = [
+    (10e3, 0.0, "largest", 2.0), (10e3, 1.0, "alternating", 20.0), (20e3, 0.5, "largest", 6.0),
+    (20e3, 1.0, "largest", 20.0), (40e3, 0.0, "largest", 10.4), (40e3, 1.0, "alternating", 2.0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("f_isr_Hz", "share", "clamp", "least_us"), INTERLEAVED)
+def test_interleaved_carriers_keep_it_from_standstill_to_twelve_steps(
+    f_isr_Hz, share, clamp, least_us
+):
+    """With noisy sensors, either sign of the load, and beyond the reach with the full flux, where
+    no leg is left to regulate x-y. The limit is met, and a leg toggles once in two periods, but for
+    the carrier of set 2 that takes another sense: twice in each twelfth of a turn, three legs."""
+    setup = setups.load("paper-b").with_scheme(
+        "db-ipwm", controller__f_isr_Hz=f_isr_Hz, controller__thd_share=share,
+        controller__clamp=clamp, controller__kappa_from_pu=0.3,
+        controller__min_pulse_us=least_us, controller__field_weakening="off",
+        timing__latency="predicted", sensors__i_noise_A=0.05,
+    )  # fmt: skip
+    sim = SimulatedDrive(setup, 1)
+    sim.start()
+    sim.run(0.5, record=False)
+    for rpm, load_Nm in ((0, 0), (0, 2), (80, -2), (2000, 2), (4600, 1), (-2500, 2), (-20, 0)):
+        sim.set_many({"speed_ref_rpm": float(rpm), "load_Nm": 0.0})
+        sim.run(0.8, record=False)
+        sim.set("load_Nm", float(load_Nm))
+        begin, turned = sim.periods, sim.plant_state[7]
+        sim.run(0.3)
+        toggles = sim.take().meta["f_sw_Hz"] * 12 * 0.3
+        electrical = abs(sim.plant_state[7] - turned) * setup["machine.pole_pairs"] + 0.3 * 20
+        senses = 12 * electrical / (2 * np.pi) + 1
+        assert toggles <= 6 * ((sim.periods - begin) / 2 + 1) + 3 * senses
+    assert sim.faults == [] and sim.gate_mistake == ""
+    check(sim, least_us)
+    assert sim.shortest_pulse_us < least_us + 0.1
+
+
 @pytest.mark.parametrize("scheme", ("db-dtfc", "foc"))
 def test_a_longer_pulse_is_kept_too(scheme):
     sim = drive(scheme, min_pulse_us=6.0)
