@@ -391,7 +391,7 @@ static bool is_same_pattern(const ht_applied *a, const ht_applied *b)
 
 /* What the observation leaves, as prove_control_observe shows it. */
 static void promise_observe(const ht_control_config *cfg, ht_control_state *st,
-                            const ht_control_input *in, ht_vsd i, bool lost, bool magnets,
+                            const ht_control_input *in, ht_vsd i, bool lost, ht_rotor rotor,
                             bool caught, ht_winding winding)
 {
     MUST((unsigned)winding < HT_WINDINGS);
