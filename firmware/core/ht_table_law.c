@@ -119,26 +119,21 @@ static uint16_t pair_choice(unsigned strong, unsigned k, ht_xy psi_xy)
     return ht_group[grows ? (unsigned)HT_ML : strong][k];
 }
 
-/* A virtual vector. Its three vectors drive an x-y current that lies to one side of its samples for
- * the whole period, and to the other side in the other order. This side turns with the flux. In one
- * order its mean is therefore a fifth and a seventh harmonic, which the regulator does not see in the
- * samples, and which comes on top of those of magnets. With magnets the orders take turns. */
-static ht_action_points virtual_vector(const ht_table_law_config *cfg, ht_table_law_state *st,
-                                       bool magnets, unsigned k, ht_xy v_xy_pu, uint16_t s[3])
+/* A virtual vector's three vectors drive an x-y current that lies to one side of its samples for the
+ * whole period, and to the other side in the other order. This side turns with the flux. In one order
+ * its mean is therefore a fifth and a seventh harmonic, which the regulator does not see in the samples,
+ * and which comes on top of those of magnets. With magnets the orders take turns. A function of its own:
+ * the others keep their registers. */
+HT_APART static void take_turns(ht_table_law_state *st, uint16_t s[3], ht_action_points *p)
 {
-    ht_action_points p = ht_duty(cfg->group, k, v_xy_pu);
-    ht_vectors_virtual(cfg->group, k, s);
-    if (magnets) {
-        st->backwards = !st->backwards;
-        if (st->backwards) {
-            ht_action_points back = {1.0f - p.t2, 1.0f - p.t1};
-            uint16_t first = s[0];
-            s[0] = s[2];
-            s[2] = first;
-            return back;
-        }
+    st->backwards = !st->backwards;
+    if (st->backwards) {
+        ht_action_points back = {1.0f - p->t2, 1.0f - p->t1};
+        uint16_t first = s[0];
+        s[0] = s[2];
+        s[2] = first;
+        *p = back;
     }
-    return p;
 }
 
 /* State words and action points of the active vector in direction k. */
@@ -146,23 +141,30 @@ static ht_action_points active_vector(const ht_table_law_config *cfg, ht_table_l
                                       const ht_vector_law_input *in, unsigned k, ht_xy v_xy_pu,
                                       uint16_t s[3])
 {
-    ht_action_points whole = {1.0f, 1.0f};
-    unsigned group = cfg->group;
-    uint16_t word;
-    if (cfg->vectors == HT_VECTORS_VIRTUAL) {
-        return virtual_vector(cfg, st, in->emf_pu != NULL, k, v_xy_pu, s);
-    }
-    if (cfg->vectors == HT_VECTORS_SINGLE) {
-        word = ht_group[group][k];
-    } else {
-        bool full_level = (st->torque_level == 2) || (st->torque_level == -2);
-        if ((cfg->vectors == HT_VECTORS_PAIR_SMALL) && !full_level) {
-            group = (unsigned)HT_S;
+    ht_action_points p = {1.0f, 1.0f};
+    bool full_level;
+    switch (cfg->vectors) {
+    case HT_VECTORS_VIRTUAL:
+        ht_vectors_virtual(cfg->group, k, s);
+        p = ht_duty(cfg->group, k, v_xy_pu);
+        if (in->emf_pu != NULL) {
+            take_turns(st, s, &p);
         }
-        word = pair_choice(group, k, *in->psi_xy_Wb);
+        break;
+    case HT_VECTORS_PAIR:
+        ht_vectors_single(pair_choice(cfg->group, k, *in->psi_xy_Wb), s);
+        break;
+    case HT_VECTORS_PAIR_SMALL:
+        full_level = (st->torque_level == 2) || (st->torque_level == -2);
+        ht_vectors_single(pair_choice(full_level ? cfg->group : (unsigned)HT_S, k, *in->psi_xy_Wb),
+                          s);
+        break;
+    case HT_VECTORS_SINGLE:
+    default:
+        ht_vectors_single(ht_group[cfg->group][k], s);
+        break;
     }
-    ht_vectors_single(word, s);
-    return whole;
+    return p;
 }
 
 static ht_xy regulated(const ht_table_law_config *cfg, ht_table_law_state *st,

@@ -235,7 +235,7 @@ Where its positions count (`{placed}`), `{placing}` takes {smooth} in the mean a
 most; with `thd_share = 1` and clamped legs, whose sets decide in one interrupt, {clean} and
 {clean_max}. The aims, {aim} and {aim_max}, are missed: positions take 330, finding a lost leg 85 to
 88 (45 to 49 where the law needs the x–y voltage anyway). Beside `{placing}` the other schemes take
-5 to 10 more, and up to 19 in the interrupt that changes over.
+up to 7 more, and up to 19 in the interrupt that changes over.
 
 With magnets (`{magnets}`): {of_magnets}. The maxima are of the start, where the rotor is aligned.
 
