@@ -88,7 +88,6 @@ void ht_table_law_reset(ht_table_law_state *st)
     st->torque_level = 0;
     st->flux_level = 1;
     ht_xy_reset(&st->xy);
-    st->backwards = false;
 }
 
 /* Comparator outputs for the decided state. */
@@ -119,52 +118,30 @@ static uint16_t pair_choice(unsigned strong, unsigned k, ht_xy psi_xy)
     return ht_group[grows ? (unsigned)HT_ML : strong][k];
 }
 
-/* A virtual vector's three vectors drive an x-y current that lies to one side of its samples for the
- * whole period, and to the other side in the other order. This side turns with the flux. In one order
- * its mean is therefore a fifth and a seventh harmonic, which the regulator does not see in the samples,
- * and which comes on top of those of magnets. With magnets the orders take turns. A function of its own:
- * the others keep their registers. */
-HT_APART static void take_turns(ht_table_law_state *st, uint16_t s[3], ht_action_points *p)
-{
-    st->backwards = !st->backwards;
-    if (st->backwards) {
-        ht_action_points back = {1.0f - p->t2, 1.0f - p->t1};
-        uint16_t first = s[0];
-        s[0] = s[2];
-        s[2] = first;
-        *p = back;
-    }
-}
-
 /* State words and action points of the active vector in direction k. */
-static ht_action_points active_vector(const ht_table_law_config *cfg, ht_table_law_state *st,
+static ht_action_points active_vector(const ht_table_law_config *cfg, const ht_table_law_state *st,
                                       const ht_vector_law_input *in, unsigned k, ht_xy v_xy_pu,
                                       uint16_t s[3])
 {
-    ht_action_points p = {1.0f, 1.0f};
+    ht_action_points whole = {1.0f, 1.0f};
     bool full_level;
     switch (cfg->vectors) {
     case HT_VECTORS_VIRTUAL:
         ht_vectors_virtual(cfg->group, k, s);
-        p = ht_duty(cfg->group, k, v_xy_pu);
-        if (in->emf_pu != NULL) {
-            take_turns(st, s, &p);
-        }
-        break;
+        return ht_duty(cfg->group, k, v_xy_pu);
     case HT_VECTORS_PAIR:
         ht_vectors_single(pair_choice(cfg->group, k, *in->psi_xy_Wb), s);
-        break;
+        return whole;
     case HT_VECTORS_PAIR_SMALL:
         full_level = (st->torque_level == 2) || (st->torque_level == -2);
         ht_vectors_single(pair_choice(full_level ? cfg->group : (unsigned)HT_S, k, *in->psi_xy_Wb),
                           s);
-        break;
+        return whole;
     case HT_VECTORS_SINGLE:
     default:
         ht_vectors_single(ht_group[cfg->group][k], s);
-        break;
+        return whole;
     }
-    return p;
 }
 
 static ht_xy regulated(const ht_table_law_config *cfg, ht_table_law_state *st,

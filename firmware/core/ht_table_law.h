@@ -36,7 +36,6 @@ typedef struct {
     int16_t torque_level; /**< comparator's output, -2..2 */
     int16_t flux_level;   /**< comparator's output: 1 raise, 0 lower */
     ht_xy_state xy;
-    bool backwards; /**< magnets: the latest virtual vector began with the third of its vectors */
 } ht_table_law_state;
 
 /** Take over what a scheme's row says: vectors, group, levels, regulator and its limit. */

@@ -61,7 +61,6 @@ void prove_table_law(void)
     st.flux_level = nondet_int16();
     st.xy.with = any_xy();
     st.xy.against = any_xy();
-    st.backwards = nondet_bool();
     GIVEN(HT_IS_LEVEL(st.torque_level, 2));
     GIVEN((st.flux_level == 0) || (st.flux_level == 1));
     GIVEN(HT_IS_XY_STATE(st.xy, cfg.xy_limit_pu));
