@@ -29,6 +29,9 @@ static HT_INTO_CALLERS ht_vector_law_input vectors_seen(const ht_control_config 
 {
     ht_vector_law_input seen;
     seen.emf_pu = emf_pu;
+    if (emf_pu != NULL) {
+        seen.omega_rad_s = st->observer.omega_sync_rad_s;
+    }
     seen.decided = &st->decided;
     seen.psi_xy_Wb = &st->psi_xy_Wb;
     seen.i_xy_A = i_xy_A;

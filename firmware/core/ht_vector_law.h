@@ -14,6 +14,7 @@ typedef struct {
     float torque_ref_Nm;
     float flux_ref_Wb;
     const ht_xy *emf_pu; /**< the machine's induced x-y voltage then, units of Vdc; NULL: none */
+    float omega_rad_s;   /**< electrical speed, where there is one */
     unsigned sector;     /**< of the flux decided on, 0..11 */
     uint16_t before;     /**< state word at the end of the running pattern */
     bool only_v0;        /**< zero vectors: V0 only, else the one with the fewest transitions */

@@ -70,6 +70,7 @@ void prove_table_law(void)
     in.psi_xy_Wb = &psi_xy;
     in.emf_pu = nondet_bool() ? &emf : NULL;
     in.i_xy_A = any_xy();
+    in.omega_rad_s = nondet_float();
     in.torque_ref_Nm = nondet_float();
     in.flux_ref_Wb = nondet_float();
     in.sector = nondet_uint16();
