@@ -230,7 +230,7 @@ def xy_harmonics(scheme, emf, sense=1, periods=3000):
     seen = ffi.new("ht_vector_law_input *")
     seen.decided, seen.psi_xy_Wb, seen.torque_ref_Nm, seen.flux_ref_Wb = decided, psi_xy, 5.0, 0.5
     step = 2 * np.pi * 200.0 * TS
-    found = np.zeros(2, complex)
+    found, first = np.zeros(2, complex), []
     orders = np.array([5, -7])
     for n in range(periods):
         angle = 0.1 + n * step
@@ -242,7 +242,7 @@ def xy_harmonics(scheme, emf, sense=1, periods=3000):
             seen.emf_pu, seen.omega_rad_s = told, sense * 2 * np.pi * 200.0
         p = lib.ht_table_law_step(ffi.addressof(cfg), state, seen, command, s)
         seen.before = s[2]
-        first = list(s) if n == 0 else first
+        first = first or list(s)
         t = np.array([0, p.t1, p.t2, 1])[:, None]
         v = np.array([complex(*vector(w)[2:]) for w in s])[:, None]
         turned = np.exp(-1j * orders * (angle + step * t))
