@@ -120,10 +120,9 @@ static uint16_t pair_choice(unsigned strong, unsigned k, ht_xy psi_xy)
 
 /* A virtual vector's three vectors drive an x-y current that lies to one side of its samples for the whole
  * period, and to the other side in the other order. This side turns with the flux. Its mean is therefore a
- * fifth and a seventh harmonic that the regulator does not see in the samples: beside those of magnets it
- * counts, and least in the order that follows from the direction of rotation. (Orders that take turns
- * leave less of it, but then 2 of 51 healthy machines trip.) A function of its own: the others keep
- * their registers. */
+ * fifth and a seventh harmonic that the regulator does not see in the samples. Beside those of magnets it
+ * counts, and it is least in the order that follows the rotation. (Orders that take turns leave less of it,
+ * but then 2 of 51 healthy machines trip.) A function of its own: the others keep their registers. */
 HT_APART static void other_order(uint16_t s[3], ht_action_points *p)
 {
     ht_action_points back = {1.0f - p->t2, 1.0f - p->t1};
@@ -144,7 +143,7 @@ static ht_action_points active_vector(const ht_table_law_config *cfg, const ht_t
     case HT_VECTORS_VIRTUAL:
         ht_vectors_virtual(cfg->group, k, s);
         p = ht_duty(cfg->group, k, v_xy_pu);
-        if ((in->emf_pu != NULL) && (in->omega_rad_s > 0.0f)) {
+        if ((in->emf_pu != NULL) && cfg->regulated && (in->omega_rad_s > 0.0f)) {
             other_order(s, &p);
         }
         break;

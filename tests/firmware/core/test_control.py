@@ -265,6 +265,9 @@ def test_with_magnets_the_order_of_a_virtual_vector_follows_the_rotation(scheme)
     found, words_ = xy_harmonics(scheme, None)
     np.testing.assert_allclose(np.abs(found), np.abs(one * left), rtol=0.02)
     forwards, turned = xy_harmonics(scheme, (0.0, 0.0))
+    if scheme == "fdr":  # regulates nothing in x-y: there the order counts for little
+        assert turned == words_
+        return
     np.testing.assert_allclose(np.abs(forwards), np.abs(other * left), rtol=0.05)
     assert turned == words_[::-1]
     for sense in (-1, 0, np.nan):
