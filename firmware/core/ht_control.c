@@ -25,13 +25,10 @@ static HT_INTO_CALLERS ht_vsd currents_of(ht_winding winding, const ht_six *i_A)
 static HT_INTO_CALLERS ht_vector_law_input vectors_seen(const ht_control_config *cfg,
                                                         const ht_control_state *st,
                                                         const ht_control_input *in, ht_xy i_xy_A,
-                                                        const ht_xy *emf_pu)
+                                                        const ht_induced *induced)
 {
     ht_vector_law_input seen;
-    seen.emf_pu = emf_pu;
-    if (emf_pu != NULL) {
-        seen.omega_rad_s = st->observer.omega_sync_rad_s;
-    }
+    seen.induced = induced;
     seen.decided = &st->decided;
     seen.psi_xy_Wb = &st->psi_xy_Wb;
     seen.i_xy_A = i_xy_A;
@@ -46,14 +43,15 @@ static HT_INTO_CALLERS ht_vector_law_input vectors_seen(const ht_control_config 
 /* The step of a vector law: action points into `p`, state words into `s`. False if the law is none. */
 static HT_INTO_CALLERS bool vector_step(const ht_control_config *cfg, ht_control_state *st,
                                         const ht_control_input *in, ht_xy i_xy_A,
-                                        const ht_xy *emf_pu, uint16_t s[3], ht_action_points *p)
+                                        const ht_induced *induced, uint16_t s[3],
+                                        ht_action_points *p)
 {
     ht_vector_law_input seen;
     bool done = true;
     switch (cfg->law) {
 #define HT_VECTOR_LAW(id, law)                                                             \
     case HT_LAW_##id:                                                                      \
-        seen = vectors_seen(cfg, st, in, i_xy_A, emf_pu);                                  \
+        seen = vectors_seen(cfg, st, in, i_xy_A, induced);                                 \
         *p = ht_##law##_law_step(&cfg->law##_law, &st->law##_law, &seen, &st->v_xy_pu, s); \
         break;
 #define HT_VOLTAGE_LAW(id, law)
@@ -73,19 +71,19 @@ static HT_INTO_CALLERS bool vector_step(const ht_control_config *cfg, ht_control
  * too. A law that does not exist gets none. */
 static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_control_state *st,
                                           const ht_control_input *in,
-                                          const ht_voltage_law_input *seen, const ht_xy *emf_pu,
-                                          bool lost)
+                                          const ht_voltage_law_input *seen,
+                                          const ht_induced *induced, bool lost)
 {
     ht_vsd v;
     switch (cfg->law) {
-#define HT_VECTOR_LAW(id, law)                                                             \
-    case HT_LAW_##id:                                                                      \
-        if (lost) {                                                                        \
-            ht_vector_law_input vectors = vectors_seen(cfg, st, in, seen->i_A.xy, emf_pu); \
-            v = ht_##law##_law_voltage(&cfg->law##_law, &st->law##_law, &vectors);         \
-        } else {                                                                           \
-            v = no_voltage;                                                                \
-        }                                                                                  \
+#define HT_VECTOR_LAW(id, law)                                                              \
+    case HT_LAW_##id:                                                                       \
+        if (lost) {                                                                         \
+            ht_vector_law_input vectors = vectors_seen(cfg, st, in, seen->i_A.xy, induced); \
+            v = ht_##law##_law_voltage(&cfg->law##_law, &st->law##_law, &vectors);          \
+        } else {                                                                            \
+            v = no_voltage;                                                                 \
+        }                                                                                   \
         break;
 #define HT_VOLTAGE_LAW(id, law)                                                         \
     case HT_LAW_##id:                                                                   \
@@ -156,8 +154,8 @@ static HT_INTO_CALLERS void machine_seen(const ht_control_config *cfg, const ht_
 
 /* A voltage that the law wants, units of Vdc. */
 static HT_INTO_CALLERS ht_vsd wanted_pu(const ht_control_config *cfg, ht_control_state *st,
-                                        const ht_control_input *in, ht_vsd i, const ht_xy *emf_pu,
-                                        bool lost, ht_rotor rotor)
+                                        const ht_control_input *in, ht_vsd i,
+                                        const ht_induced *induced, bool lost, ht_rotor rotor)
 {
     ht_voltage_law_input seen;
     ht_vsd v;
@@ -166,7 +164,7 @@ static HT_INTO_CALLERS ht_vsd wanted_pu(const ht_control_config *cfg, ht_control
         seen.i_A.xy = ht_lost_legs_across(&st->lost, seen.i_A.xy);
         seen.psi_xy_Wb = ht_lost_legs_across(&st->lost, seen.psi_xy_Wb);
     }
-    v = law_voltage(cfg, st, in, &seen, emf_pu, lost);
+    v = law_voltage(cfg, st, in, &seen, induced, lost);
     if (lost) {
         v = ht_lost_legs_command(&st->lost, &cfg->observer, &seen, v);
     }
@@ -424,15 +422,16 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     ht_action_points p;
     ht_ab step_Wb;
     ht_vsd v;
-    ht_xy induced_pu;
-    const ht_xy *emf_pu = NULL;
+    ht_induced seen;
+    const ht_induced *induced = NULL;
     uint16_t s[3];
     observe(cfg, st, in, i, lost, rotor, caught, winding);
     if (HT_ROTOR_DOES(rotor, induces, ())) {
         st->emf_V = induced_V(cfg, st, in->axis, cfg->shadow ? 1.5f : 0.5f);
-        induced_pu.x = st->emf_V.x / in->vdc_V;
-        induced_pu.y = st->emf_V.y / in->vdc_V;
-        emf_pu = &induced_pu;
+        seen.v_pu.x = st->emf_V.x / in->vdc_V;
+        seen.v_pu.y = st->emf_V.y / in->vdc_V;
+        seen.omega_rad_s = st->observer.omega_sync_rad_s;
+        induced = &seen;
     }
     st->sector = (uint16_t)((winding == HT_WINDING_30) ? ht_sector(st->decided.psi_Wb)
                                                        : ht_sector_of_six(st->decided.psi_Wb));
@@ -441,9 +440,9 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     }
     if (build && !(caught && cfg->shadow)) {
         p = build_step(cfg, st, in, winding, i.ab, caught ? &step_Wb : NULL, s);
-    } else if (caught || lost || !vector_step(cfg, st, in, i.xy, emf_pu, s, &p)) {
+    } else if (caught || lost || !vector_step(cfg, st, in, i.xy, induced, s, &p)) {
         if (!caught) {
-            v = wanted_pu(cfg, st, in, i, emf_pu, lost, rotor);
+            v = wanted_pu(cfg, st, in, i, induced, lost, rotor);
         }
         modulate(cfg, st, in, winding, v, out);
         return;

@@ -123,13 +123,16 @@ static uint16_t pair_choice(unsigned strong, unsigned k, ht_xy psi_xy)
  * fifth and a seventh harmonic that the regulator does not see in the samples. Beside those of magnets it
  * counts, and it is least in the order that follows the rotation. (Orders that take turns leave less of it,
  * but then 2 of 51 healthy machines trip.) A function of its own: the others keep their registers. */
-HT_APART static void other_order(uint16_t s[3], ht_action_points *p)
+HT_APART static void order_vectors(const ht_table_law_config *cfg, const ht_induced *induced,
+                                   uint16_t s[3], ht_action_points *p)
 {
-    ht_action_points back = {1.0f - p->t2, 1.0f - p->t1};
-    uint16_t first = s[0];
-    s[0] = s[2];
-    s[2] = first;
-    *p = back;
+    if (cfg->regulated && (induced->omega_rad_s > 0.0f)) {
+        ht_action_points back = {1.0f - p->t2, 1.0f - p->t1};
+        uint16_t first = s[0];
+        s[0] = s[2];
+        s[2] = first;
+        *p = back;
+    }
 }
 
 /* State words and action points of the active vector in direction k. */
@@ -143,8 +146,8 @@ static ht_action_points active_vector(const ht_table_law_config *cfg, const ht_t
     case HT_VECTORS_VIRTUAL:
         ht_vectors_virtual(cfg->group, k, s);
         p = ht_duty(cfg->group, k, v_xy_pu);
-        if ((in->emf_pu != NULL) && cfg->regulated && (in->omega_rad_s > 0.0f)) {
-            other_order(s, &p);
+        if (in->induced != NULL) {
+            order_vectors(cfg, in->induced, s, &p);
         }
         break;
     case HT_VECTORS_PAIR:
@@ -174,9 +177,9 @@ static ht_xy regulated(const ht_table_law_config *cfg, ht_table_law_state *st,
         return none;
     }
     v = ht_xy_step(&cfg->xy, &st->xy, in->i_xy_A, turn, cfg->xy_limit_pu, hold);
-    if (in->emf_pu != NULL) {
-        v.x = ht_limited(v.x + in->emf_pu->x, cfg->xy_limit_pu);
-        v.y = ht_limited(v.y + in->emf_pu->y, cfg->xy_limit_pu);
+    if (in->induced != NULL) {
+        v.x = ht_limited(v.x + in->induced->v_pu.x, cfg->xy_limit_pu);
+        v.y = ht_limited(v.y + in->induced->v_pu.y, cfg->xy_limit_pu);
     }
     return v;
 }

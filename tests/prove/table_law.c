@@ -47,7 +47,7 @@ void prove_table_law(void)
     ht_vector_law_input in;
     ht_estimate decided;
     ht_xy psi_xy = any_xy();
-    ht_xy emf = any_xy();
+    ht_induced induced;
     ht_xy v = any_xy();
     ht_action_points p;
     uint16_t s[3];
@@ -68,9 +68,10 @@ void prove_table_law(void)
     decided.torque_Nm = nondet_float();
     in.decided = &decided;
     in.psi_xy_Wb = &psi_xy;
-    in.emf_pu = nondet_bool() ? &emf : NULL;
+    induced.v_pu = any_xy();
+    induced.omega_rad_s = nondet_float();
+    in.induced = nondet_bool() ? &induced : NULL;
     in.i_xy_A = any_xy();
-    in.omega_rad_s = nondet_float();
     in.torque_ref_Nm = nondet_float();
     in.flux_ref_Wb = nondet_float();
     in.sector = nondet_uint16();

@@ -225,7 +225,7 @@ def xy_harmonics(scheme, emf, sense=1, periods=3000):
     cfg = config(scheme).table_law
     state = ffi.new("ht_table_law_state *")
     lib.ht_table_law_reset(state)
-    decided, psi_xy, told = (ffi.new(f"ht_{n} *") for n in ("estimate", "xy", "xy"))
+    decided, psi_xy, told = (ffi.new(f"ht_{n} *") for n in ("estimate", "xy", "induced"))
     command, s = ffi.new("ht_xy *"), ffi.new("uint16_t[3]")
     seen = ffi.new("ht_vector_law_input *")
     seen.decided, seen.psi_xy_Wb, seen.torque_ref_Nm, seen.flux_ref_Wb = decided, psi_xy, 5.0, 0.5
@@ -238,8 +238,8 @@ def xy_harmonics(scheme, emf, sense=1, periods=3000):
         seen.sector = lib.ht_sector(decided.psi_Wb)
         if emf is not None:
             e = sum(size * np.exp(1j * k * (angle + step / 2)) for k, size in zip(orders, emf))
-            told.x, told.y = e.real, e.imag
-            seen.emf_pu, seen.omega_rad_s = told, sense * 2 * np.pi * 200.0
+            told.v_pu, told.omega_rad_s = [e.real, e.imag], sense * 2 * np.pi * 200.0
+            seen.induced = told
         p = lib.ht_table_law_step(ffi.addressof(cfg), state, seen, command, s)
         seen.before = s[2]
         first = first or list(s)
