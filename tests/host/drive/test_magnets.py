@@ -542,6 +542,7 @@ def xy_harmonics(name, scheme):
     ("magnet-surface", "foc", 0.07),
     ("magnet-surface", "db-dtfc", 0.07),
     ("magnet-interior", "ddr", 0.095),
+    ("magnet-interior", "ddr-ml", 0.26),
     ("magnet-interior", "foc", 0.07),
     ("magnet-interior", "db-dtfc", 0.07),
 ])  # fmt: skip
