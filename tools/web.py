@@ -382,12 +382,15 @@ def page(wasm: bytes, blobs: list[bytes], texts: dict) -> str:
     def script(entry: Path, replaced: Mapping[str, Path | str] = {}) -> bytes:
         return shorter(SCRIPT, bundle(entry, replaced)).encode()
 
+    rows = texts["device"]["parameters"]
+    columns = {key: [row[key] for row in rows] for key in rows[0]}  # backend.js makes rows of them
+    told = {**texts, "device": {**texts["device"], "parameters": columns}}
     instead = {name: WEB / name for name in ("backend.js", "commission.js")}
     held_parts |= {
         "monitor": script(PAGE / "monitor.js", instead),
         "worker": script(WEB / "worker.js"),
         "analyst": script(PAGE / "analyst.js"),
-        "tables": json.dumps(whole(texts), separators=(",", ":")).encode(),
+        "tables": json.dumps(whole(told), separators=(",", ":")).encode(),
         "wasm": wasm,
         "setups": b"".join(blobs),
     }

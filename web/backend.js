@@ -3,6 +3,9 @@
 import { decode } from "./numbers.js";
 const { held } = globalThis; // by name: what unpack.js has unpacked
 const tables = JSON.parse(new TextDecoder().decode(held.tables));
+// Columns are packed smaller than rows, each of which names them.
+const columns = Object.entries(tables.device.parameters);
+tables.device.parameters = columns[0][1].map((_, n) => Object.fromEntries(columns.map(([key, of]) => [key, of[n]])));
 const thread = (name) => new Worker(URL.createObjectURL(new Blob([held[name]], { type: "text/javascript" })));
 
 /** What a set-up's drive has kept. A browser may refuse to remember anything. */
