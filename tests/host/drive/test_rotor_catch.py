@@ -215,6 +215,7 @@ MACHINE = {"r": 0.8, "ld": 6.4e-3, "lq": 17.4e-3, "psi_f": 0.1746}
 def observer():
     c = ffi.new("ht_observer_config *")
     c.ts_s, c.rs_ohm, c.sigma_ls_H = 1e-4, MACHINE["r"], MACHINE["lq"]
+    c.rotor = lib.HT_ROTOR_MAGNET
     m = c.magnet
     m.psi_f_Wb, m.inv_psi_f = MACHINE["psi_f"], 1 / MACHINE["psi_f"]
     m.ld_H, m.lq_H, m.inv_ld = MACHINE["ld"], MACHINE["lq"], 1 / MACHINE["ld"]
