@@ -18,8 +18,8 @@ typedef enum {
 #define HT_ROTOR_PLAIN HT_ROTOR_INDUCTION
 
 /** Calls the kind's function `does` with the arguments `given`, which are in brackets. No pointers: the
- *  stack can be analysed, and a known kind costs no instruction. */
-/* A row for each kind, the last one without a question. */
+ *  stack can be analysed, and a known kind costs no instruction. A row for each kind, the last one
+ *  without a question. */
 /* clang-format off */
 #define HT_ROTOR_DOES(rotor, does, given) (                  \
     ((rotor) == HT_ROTOR_MAGNET) ? ht_magnet_##does given :  \

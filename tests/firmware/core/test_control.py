@@ -747,6 +747,7 @@ def test_six_currents_are_transformed_by_the_vsd_matrix():
         ({"observer__lxy_H": np.inf}, lib.HT_CONFIG_MACHINE),
         ({"observer__lxy_H": 0.0}, lib.HT_CONFIG_MACHINE),
         ({"observer__kind": 3}, lib.HT_CONFIG_MACHINE),
+        ({"observer__rotor": lib.HT_ROTORS}, lib.HT_CONFIG_MACHINE),
         ({"observer__rotor_decay": np.nan}, lib.HT_CONFIG_MACHINE),
         ({"observer__rotor_decay": 0.5}, lib.HT_CONFIG_MACHINE),
         ({"observer__rotor_decay": 0.49}, lib.HT_CONFIG_OK),
