@@ -118,6 +118,7 @@ def main() -> int:
     import other_firmware  # noqa: F401
     import pytest
 
+    os.environ["HT_INPUTS"] = "new"  # so tests/conftest.py leaves this profile
     phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
     hypothesis.settings.register_profile(
         "mutants", derandomize=True, database=None, phases=phases, deadline=None

@@ -16,50 +16,43 @@
 #define ROOM_SHARE 0.45f
 /* Half of the way between the rails and a little more: rounding leaves a clamped leg no pulse. */
 #define BEYOND_RAIL 0.500001f
-/* Of the slope, what one leg in three goes. `pull` gives the slope over this factor. */
-#define SLOPE 6.0f
-#define PULL 0.75f
+/* Weight of the torque's ripple. */
+#define WEIGHT 2.0f
+/* Of the slope, what one leg in three goes; `pull` gives the slope over 0.75. */
+#define SCALE (6.0f * 0.75f / (1.0f + WEIGHT))
 /* What a position moves by in a half, at most: 0.025 at a carrier of 4 kHz. */
 #define CAP_HZ 100.0f
 #define CAP_MOST 0.06f
 /* Where pulses lie at low voltage: their edges are then in the middle of a period. */
 #define EARLY 0.125f
+/* Below this voltage, squared, units of Vdc, its direction is uncertain, and set 2's carrier keeps its sense:
+ * each turn takes three transitions. Clamped legs go with the sense. */
+#define TURN_PU2 0.0025f
 /* The lag of set 2's carrier behind set 1's. */
 #define CARRIER_2 0.25f
-
-/* From this share of the distortion on, above this voltage, squared, the sets begin together; below this
- * share of it, squared, no longer. */
-#define TOGETHER_FROM 0.75f
-#define TOGETHER_PU2 0.09f
-#define TOGETHER_HOLD2 0.9025f
 
 /* Legs of a set. The first lies at 0 or 270 degrees, the others 120 and 240 behind. */
 static const uint16_t leg_of[2][3] = {{0u, 2u, 4u}, {5u, 1u, 3u}};
 static const uint16_t legs_of[2] = {0x2au, 0x15u}; /* as state words */
 
-void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
-                              float in_phase, float kappa, float kappa_from_pu)
+void ht_interleaved_configure(ht_interleaved_config *cfg, float rho, float f_isr_Hz, float together,
+                              float kappa, float kappa_from_pu)
 {
     float rho2 = rho * rho;
     float cap = CAP_HZ * HT_CARRIER_PERIODS / f_isr_Hz;
-    cfg->weight = weight;
-    cfg->scale = PULL * SLOPE / (1.0f + weight);
+    float carriers = (float)HT_TURN_CARRIERS * ht_between(together, 0.0f, 1.0f) + 0.5f;
     cfg->alike = COS_30 * (1.0f - rho2) / (1.0f + rho2);
     cfg->cap = (cap < CAP_MOST) ? cap : CAP_MOST;
-    cfg->together_pu2 = (in_phase < TOGETHER_FROM) ? (HT_NEVER_PU * HT_NEVER_PU) : TOGETHER_PU2;
-    cfg->early[0] = EARLY;
-    cfg->early[1] = EARLY - 2.0f * EARLY * in_phase;
+    cfg->together = (uint16_t)carriers;
     cfg->kappa = kappa;
     cfg->kappa_from_pu = kappa_from_pu;
 }
 
 bool ht_interleaved_check(const ht_interleaved_config *cfg)
 {
-    return (cfg->weight >= 0.0f) && (cfg->weight < 1.0e3f) && (cfg->scale > 0.0f)
-           && (cfg->scale <= PULL * SLOPE) && (fabsf(cfg->alike) <= 1.0f) && (cfg->cap > 0.0f)
-           && (cfg->cap <= CAP_MOST) && (fabsf(cfg->early[0]) <= EARLY)
-           && (fabsf(cfg->early[1]) <= EARLY) && (cfg->together_pu2 > 0.0f) && (cfg->kappa >= 0.0f)
-           && (cfg->kappa <= 1.0f) && (cfg->kappa_from_pu >= 0.0f); /* NaN is not */
+    return (fabsf(cfg->alike) <= 1.0f) && (cfg->cap > 0.0f) && (cfg->cap <= CAP_MOST)
+           && (cfg->together <= HT_TURN_CARRIERS) && (cfg->kappa >= 0.0f) && (cfg->kappa <= 1.0f)
+           && (cfg->kappa_from_pu >= 0.0f); /* NaN is not */
 }
 
 void ht_interleaved_reset(ht_interleaved_state *st)
@@ -76,7 +69,10 @@ void ht_interleaved_reset(ht_interleaved_state *st)
     }
     st->steady_pu.alpha = 0.0f;
     st->steady_pu.beta = 0.0f;
+    st->carrier = 0u;
     st->together = false;
+    st->joined = false;
+    st->brief = false;
     st->opposite = false;
     st->quarter = 0u;
     st->turn = 0u;
@@ -173,7 +169,7 @@ static HT_INTO_CALLERS float slope(const ht_interleaved_config *cfg, const ht_in
     float sum;
     parts(a, quad, ours);
     parts(1u - a, quad, theirs);
-    torque = cfg->weight * ours[k];
+    torque = WEIGHT * ours[k];
     sum = (torque * theirs[k])
           * pull(d, other->half_d[k], CARRIER_2 + ahead * (other->delta[k] - delta));
     sum += (alike + torque * theirs[m])
@@ -183,7 +179,7 @@ static HT_INTO_CALLERS float slope(const ht_interleaved_config *cfg, const ht_in
     sum *= ahead;
     sum += (torque * ours[m] - 0.5f) * pull_either(d, own->half_d[m], own->delta[m] - delta);
     sum += (torque * ours[n] - 0.5f) * pull_either(d, own->half_d[n], own->delta[n] - delta);
-    return cfg->scale * sum;
+    return SCALE * sum;
 }
 
 /* Pattern that is being made. */
@@ -206,12 +202,14 @@ typedef struct {
     float act;          /* share with which positions are optimised */
     float centre;       /* where a pulse lies else, times the rest */
     float room;         /* either side of the middle for a pulse of half a carrier's period */
+    float per_half;     /* a carrier's period, in halves */
     float full;         /* counts of the half */
     float dead_half;    /* half of the dead time */
     float dead_quarter; /* a quarter of it ... */
     float dead_per_A; /* ... and the same over the current from which it acts fully, to be added */
     uint32_t end;     /* counts of a period */
     uint32_t shortest;
+    bool brief;     /* the half ends with this period */
     unsigned now;   /* legs that toggle in the first period ... */
     unsigned later; /* ... in the second one */
     unsigned after; /* legs that are on the half's second level all along the first period */
@@ -240,7 +238,7 @@ static HT_INTO_CALLERS uint32_t away_from_ends(const half_of *h, uint32_t count)
     return (count < h->shortest) ? h->shortest : ((count > most) ? most : count);
 }
 
-/* Counts from the half's begin at which a leg toggles, the shortest pulse away from both periods' ends, `at`
+/* Counts from the half's begin at which a leg toggles, the shortest pulse away from its periods' ends, `at`
  * is a share of the half. 0: it is on its rail before that already, also for NaN; `2 end`: it stays where it
  * starts. */
 static HT_INTO_CALLERS uint32_t edge_counts(const half_of *h, float share, float at)
@@ -251,8 +249,9 @@ static HT_INTO_CALLERS uint32_t edge_counts(const half_of *h, float share, float
     if (count < end) {
         return ((2u * count) < h->shortest) ? 0u : away_from_ends(h, count);
     }
-    if ((count > (2u * end - h->shortest))
-        && ((share >= 1.0f) || (2u * count > (4u * end - h->shortest)))) {
+    if (h->brief
+        || ((count > (2u * end - h->shortest))
+            && ((share >= 1.0f) || (2u * count > (4u * end - h->shortest))))) {
         return 2u * end;
     }
     return end + away_from_ends(h, count - end);
@@ -271,7 +270,7 @@ static HT_INTO_CALLERS float begin_leg(half_of *h, ht_interleaved_set *set, unsi
     float x = h->dead_per_A * i_A[leg];
     float shift = fabsf(x + h->dead_quarter) - fabsf(x - h->dead_quarter);
     float moved = share * (delta - was) + was;
-    float at = share + (HT_CARRIER_PERIODS / HT_HALF_PERIODS) * moved + shift - h->dead_half;
+    float at = share + h->per_half * moved + shift - h->dead_half;
     uint32_t count = edge_counts(h, share, at);
     float first = 1.0f; /* share of the period before the edge */
     out->ca[leg] = m->end;
@@ -317,14 +316,16 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     bool first = st->quarter < 2u;
     bool rising = first != turned;
     float sense = rising ? -1.0f : 1.0f;
+    bool brief = (a == 1u) && st->brief;
+    float per_period = brief ? 1.0f : (1.0f / HT_HALF_PERIODS); /* halves */
     h.cfg = cfg;
     h.sense = sense;
     h.at_0 = rising ? 1.0f : 0.0f;
-    h.act = 0.0f;
-    h.centre = 0.0f;
-    if (!st->together) {
-        h.act = ht_between((size2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f, 1.0f);
-        h.centre = (1.0f - h.act) * cfg->early[a];
+    h.act = ht_between((size2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f, 1.0f);
+    h.centre = (1.0f - h.act) * EARLY;
+    if (st->together) {
+        h.centre = (h.act > 0.0f) ? 0.0f : EARLY;
+        h.act = 0.0f;
     }
     h.doubt = (h.act < 1.0f) ? 1.0f : 0.0f;
     if (a == 0u) {
@@ -332,11 +333,13 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     }
     h.end = in->period->counts;
     h.shortest = in->period->shortest;
-    h.full = HT_HALF_PERIODS * (float)h.end;
-    h.dead_half = (0.5f / HT_HALF_PERIODS) * in->dead->dead_pu;
+    h.per_half = HT_CARRIER_PERIODS * per_period;
+    h.full = (brief ? 1.0f : HT_HALF_PERIODS) * (float)h.end;
+    h.dead_half = (0.5f * per_period) * in->dead->dead_pu;
     h.dead_quarter = 0.5f * h.dead_half;
     h.dead_per_A = sense * h.dead_quarter / in->dead->i_zero_A;
-    h.room = 0.5f * ROOM_SHARE - h.dead_half;
+    h.room = brief ? 0.0f : (0.5f * ROOM_SHARE - h.dead_half); /* the next pulse is at its middle */
+    h.brief = brief;
     h.now = 0u;
     h.later = 0u;
     h.after = 0u;
@@ -414,15 +417,23 @@ static HT_INTO_CALLERS void go_on(ht_interleaved_state *st, unsigned b, unsigned
 
 unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_state *st)
 {
-    bool was = st->together;
-    ht_ab v = st->steady_pu;
+    bool was = st->joined;
     if ((st->quarter & 1u) != 0u) {
+        st->opposite = st->opposite && st->together;
+        st->joined = st->together;
+        st->brief = st->together && !was;
         return was ? 0u : 2u;
     }
-    st->together = (v.alpha * v.alpha + v.beta * v.beta)
-                   > (cfg->together_pu2 * (was ? TOGETHER_HOLD2 : 1.0f));
-    st->opposite = st->together && ht_modulator_alternating(0.0f, 0.0f, v).opposite;
-    return (was && st->together) ? 3u : 1u;
+    if (st->quarter == 0u) {
+        st->together = st->carrier < cfg->together;
+        st->carrier = (uint16_t)((st->carrier + 1u) % HT_TURN_CARRIERS);
+    }
+    st->joined = was && st->together;
+    st->brief = was && !st->together;
+    if (!was) {
+        st->opposite = st->together && ht_modulator_alternating(0.0f, 0.0f, st->steady_pu).opposite;
+    }
+    return was ? 3u : 1u;
 }
 
 static HT_INTO_CALLERS void nothing_yet(making *m, const ht_modulator_input *in)
@@ -481,11 +492,13 @@ HT_APART void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleav
     making m;
     nothing_yet(&m, in);
     if (begins) {
-        if (cfg->kappa > 0.0f) {
+        if (st->joined) {
             ht_sets sets;
-            /* By this very voltage, because the clamped legs and the turn fit each other. */
-            sets = ht_modulator_alternating(cfg->kappa, cfg->kappa_from_pu, command[0].steady_pu);
-            st->opposite = sets.opposite;
+            ht_ab v = command[0].steady_pu;
+            sets = ht_modulator_alternating(cfg->kappa, cfg->kappa_from_pu, v);
+            if (((v.alpha * v.alpha + v.beta * v.beta) > TURN_PU2) || (sets.kappa[0] != 0.0f)) {
+                st->opposite = sets.opposite;
+            }
             m.kappa[0] = sets.kappa[0];
             m.kappa[1] = sets.kappa[1];
         }

@@ -11,12 +11,15 @@
  *  carrier's middle. What the edges of all legs leave of flux ripple in closed form (the sum of
  *  G_ij K(t_i - t_j) over all pairs of edges, K = -B_4/24) is
  *
- *    J = |ripple of the current|^2 + w (ripple of the torque)^2
+ *    J = |ripple of the current|^2 + 2 (ripple of the torque)^2
  *
  *  and each half moves one pulse of its set down the slope of J. Nothing is integrated or tabled.
- *  For the least distortion above 0.3 Vdc both sets begin together, in phase or, in every second 30 degrees of
- *  the voltage, opposite to each other, as ht_modulator.h has it. There legs may be clamped by turns, as
- *  ht_modulator.h has it too.
+ *
+ *  For the least distortion both sets begin together, in phase or, in every second 30 degrees of the voltage,
+ *  opposite to each other; legs may be clamped by turns. ht_modulator.h has both. No positions between give
+ *  all results between: J has several minima. So both kinds of carriers take turns. Ripple squared is then
+ *  the mean of both ends'. Set 2 joins set 1 and leaves it by a half of one period, which makes the same
+ *  mean voltage.
  *
  *  Below a fifth of V_dc a position changes little, because all legs are at half; there the pulses of
  *  a set are moved together, away from the instants at which the converter samples.
@@ -29,15 +32,15 @@
 /** Sampling periods of a half of the carrier, and of the whole. */
 #define HT_HALF_PERIODS 2.0f
 #define HT_CARRIER_PERIODS 4.0f
+/** Carriers after which both kinds have taken their turns: more of them alternate more slowly, fewer have
+ *  more of the halves that last one period. */
+#define HT_TURN_CARRIERS 64u
 
 typedef struct {
-    float scale;        /**< of a slope: the step that it asks for */
-    float weight;       /**< of the torque's ripple against the current's; 0 or more */
-    float alike;        /**< weight of two legs of different sets 30 degrees apart, -1 .. 1 */
-    float cap;          /**< most that a position moves in a half, share of a carrier's period */
-    float together_pu2; /**< above this voltage, squared, both sets begin together; units of Vdc */
-    float early[2]; /**< where pulses of each set lie at low voltage, share of a carrier's period */
-    float kappa;    /**< share of the clamped zero sequence where both sets begin together */
+    float alike;         /**< weight of two legs of different sets 30 degrees apart, -1 .. 1 */
+    float cap;           /**< most that a position moves in a half, share of a carrier's period */
+    uint16_t together;   /**< in how many of HT_TURN_CARRIERS the sets begin together */
+    float kappa;         /**< share of the clamped zero sequence there */
     float kappa_from_pu; /**< and the voltage from which it counts; units of Vdc */
 } ht_interleaved_config;
 
@@ -52,8 +55,11 @@ typedef struct {
 typedef struct {
     ht_interleaved_set set[2];
     ht_ab steady_pu;  /**< of set 1, at its latest begin */
-    bool together;    /**< both sets begin at 0 and 2 */
-    bool opposite;    /**< then: one rises while the other falls */
+    uint16_t carrier; /**< which of HT_TURN_CARRIERS is next */
+    bool together;    /**< in this one the sets begin together, at 0 and 2 */
+    bool joined;      /**< and set 2 has joined */
+    bool brief;       /**< the half that set 2 begins lasts one period */
+    bool opposite;    /**< one set rises while the other falls */
     uint16_t quarter; /**< 0..3: set 1 begins at 0 and 2, set 2 at 1 and 3 */
     uint16_t turn;    /**< 0..2: whose position of a set is improved */
 } ht_interleaved_state;
@@ -65,11 +71,10 @@ typedef struct {
     ht_ab steady_pu; /**< voltage without what corrects errors, units of Vdc */
 } ht_interleaved_command;
 
-/** The cost of a position: `weight` of the torque's ripple, `rho` = sigma L_s / L_xy, the sampling
- *  frequency, and the share 0 .. 1 by which sets run in phase at low voltage. `kappa`, `kappa_from_pu`: as
- *  ht_modulator_config has them, of legs that alternate. */
-void ht_interleaved_configure(ht_interleaved_config *cfg, float weight, float rho, float f_isr_Hz,
-                              float in_phase, float kappa, float kappa_from_pu);
+/** `rho` = sigma L_s / L_xy, the sampling frequency, and the share 0 .. 1 of carriers in which the sets begin
+ *  together. `kappa`, `kappa_from_pu`: as ht_modulator_config has them, of legs that alternate. */
+void ht_interleaved_configure(ht_interleaved_config *cfg, float rho, float f_isr_Hz, float together,
+                              float kappa, float kappa_from_pu);
 
 /** True if every value of `cfg` is in its range. */
 bool ht_interleaved_check(const ht_interleaved_config *cfg);
@@ -77,7 +82,7 @@ bool ht_interleaved_check(const ht_interleaved_config *cfg);
 /** Before the first half of set 1. */
 void ht_interleaved_reset(ht_interleaved_state *st);
 
-/** Which sets begin a half in the next period: 1, 2, both (3) or none. */
+/** Which sets begin a half in the next period: 1, 2, both (3) or none. That of set 2 may be brief. */
 unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_state *st);
 
 /** One period's pattern: a half of set `a` begins as commanded, that of the other one goes on. `bare`: the
@@ -90,7 +95,7 @@ ht_ab ht_interleaved_step(const ht_interleaved_config *cfg, ht_interleaved_state
                           const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
                           ht_toggles *toggles);
 
-/** The same where both sets begin, or none does. */
+/** The same as ht_interleaved_step where both sets begin, or none does. */
 void ht_interleaved_both(const ht_interleaved_config *cfg, ht_interleaved_state *st,
                          const ht_interleaved_command command[2], bool begins,
                          const ht_modulator_input *in, ht_ab off_pu[2], ht_compare *out,

@@ -9,8 +9,6 @@
 /* Largest step of a set's flux, units of Vdc and the half: what `reach_pu` is beyond the current
  * `xy_free_A2`. */
 #define XY_REACH_PU 0.5f
-/* Weight of the torque's ripple at the torque's end of the knob. */
-#define TORQUE_WEIGHT 2.0f
 
 void ht_interleaved_law_configure(ht_interleaved_law_config *cfg, const ht_law_setting *given,
                                   ht_modulator_config *modulator)
@@ -18,8 +16,7 @@ void ht_interleaved_law_configure(ht_interleaved_law_config *cfg, const ht_law_s
     const ht_observer_config *machine = given->machine;
     ht_deadbeat_law_configure(&cfg->deadbeat, given, modulator);
     ht_modulator_centre(modulator, false);
-    ht_interleaved_configure(&cfg->positions, TORQUE_WEIGHT * (1.0f - given->thd_share),
-                             machine->sigma_ls_H / machine->lxy_H, machine->inv_ts,
+    ht_interleaved_configure(&cfg->positions, machine->sigma_ls_H / machine->lxy_H, machine->inv_ts,
                              given->thd_share, (given->clamp != 0.0f) ? given->kappa : 0.0f,
                              given->kappa_from_pu);
 }
@@ -57,12 +54,14 @@ static HT_INTO_CALLERS ht_interleaved_command command_of(const ht_interleaved_la
     ht_xy_config integral = {0.0f, cfg->deadbeat.xy_ki_per_A};
     float sign = (a == 0u) ? 1.0f : -1.0f;
     float step = in->vdc_V * machine->ts_s; /* of a period */
-    float half = HT_HALF_PERIODS * step;
+    bool brief = (a == 1u) && st->positions.brief;
+    float periods = brief ? 1.0f : HT_HALF_PERIODS;
+    float half = periods * step;
     float inv_vdc = 1.0f / in->vdc_V;
-    float per_Wb = (1.0f / HT_HALF_PERIODS) * machine->inv_ts * inv_vdc;
+    float per_Wb = (brief ? 1.0f : (1.0f / HT_HALF_PERIODS)) * machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * machine->inv_sigma_ls * inv_vdc;
     ht_turn turns =
-        ht_turn_of(HT_HALF_PERIODS * in->turn_rad, HT_ROTOR_DOES(machine->rotor, turns_far, ()));
+        ht_turn_of(periods * in->turn_rad, HT_ROTOR_DOES(machine->rotor, turns_far, ()));
     float middle = 0.5f * turns.sine; /* half of the turn */
     ht_ab r = in->rotor_Wb;
     ht_ab psi; /* of the set */

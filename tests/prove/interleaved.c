@@ -14,8 +14,10 @@ void prove_edge_counts(void)
     GIVEN(HT_IS_PERIOD(p));
     h.end = p.counts;
     h.shortest = p.shortest;
-    h.full = 2.0f * (float)p.counts;
+    h.brief = nondet_bool();
+    h.full = (h.brief ? 1.0f : 2.0f) * (float)p.counts;
     count = edge_counts(&h, nondet_float(), nondet_float());
+    MUST(!h.brief || (count < p.counts) || (count == 2u * (uint32_t)p.counts));
     if ((count != 0u) && (count != 2u * (uint32_t)p.counts)) {
         uint32_t in_period = (count < p.counts) ? count : (count - p.counts);
         MUST(in_period < p.counts);
@@ -26,22 +28,14 @@ void prove_edge_counts(void)
 void prove_interleaved_check(void)
 {
     ht_interleaved_config cfg;
-    cfg.scale = nondet_float();
-    cfg.weight = nondet_float();
     cfg.alike = nondet_float();
     cfg.cap = nondet_float();
-    cfg.together_pu2 = nondet_float();
-    cfg.early[0] = nondet_float();
-    cfg.early[1] = nondet_float();
+    cfg.together = nondet_uint16();
     cfg.kappa = nondet_float();
     cfg.kappa_from_pu = nondet_float();
     GIVEN(ht_interleaved_check(&cfg));
-    MUST((cfg.scale > 0.0f) && is_finite(cfg.scale));
-    MUST((cfg.weight >= 0.0f) && is_finite(cfg.weight));
     MUST((cfg.alike >= -1.0f) && (cfg.alike <= 1.0f));
     MUST((cfg.cap > 0.0f) && (cfg.cap < 0.1f));
-    MUST(cfg.together_pu2 > 0.0f);
-    MUST((cfg.early[0] >= -0.125f) && (cfg.early[0] <= 0.125f));
-    MUST((cfg.early[1] >= -0.125f) && (cfg.early[1] <= 0.125f));
+    MUST(cfg.together <= HT_TURN_CARRIERS);
     MUST((cfg.kappa >= 0.0f) && (cfg.kappa <= 1.0f) && (cfg.kappa_from_pu >= 0.0f));
 }

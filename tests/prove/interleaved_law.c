@@ -19,7 +19,8 @@ static ht_period the_period;
 typedef struct {
     bool begins; /* a half of its set */
     bool up;     /* then: the way of the half */
-    bool turns;  /* set 2's carrier turns, or its sets come together or apart */
+    bool brief;  /* and it lasts this period only */
+    bool turns;  /* set 2's carrier turns, or the sets come together or apart */
     bool bare;   /* the very first decision */
     bool high;   /* at the period's start */
     uint32_t ca;
@@ -30,7 +31,7 @@ static a_step does;
 /* What earlier decisions have made of it. */
 typedef struct {
     bool up;         /* the way of the latest half */
-    bool fresh;      /* which began in the latest period */
+    bool fresh;      /* which began in the latest period and goes on */
     bool steady;     /* nothing has turned since that one began */
     bool high;       /* at the end of the latest period */
     uint32_t lasted; /* counts from its latest edge to there, at least */
@@ -83,9 +84,10 @@ static uint32_t promise_edge_counts(const half_of *h, float share, float at)
     uint32_t end = the_period.counts;
     uint32_t in_period = (count < end) ? count : (count - end);
     MUST((h->end == end) && (h->shortest == the_period.shortest));
-    MUST(h->full == 2.0f * (float)the_period.counts);
+    MUST(h->full == (h->brief ? 1.0f : 2.0f) * (float)the_period.counts);
     GIVEN((count == 0u) || (count == 2u * end)
-          || ((in_period < end) && HT_IS_COMPARE(in_period, the_period)));
+          || ((in_period < end) && HT_IS_COMPARE(in_period, the_period)
+              && IMPLIES(h->brief, count < end)));
     return count;
 }
 
@@ -137,7 +139,7 @@ static float promise_begin_leg(half_of *h, ht_interleaved_set *set, unsigned k, 
     } else if (nondet_bool()) {
         h->now |= bit;
         out->ca[leg] = count;
-    } else if (nondet_bool()) {
+    } else if (!h->brief && nondet_bool()) {
         h->later |= bit;
         set->next[k] = count;
     } else {
@@ -154,6 +156,7 @@ static ht_ab promise_begin(const ht_interleaved_config *cfg, ht_interleaved_stat
     MUST((a < 2u) && (st->set[a].moves == 0u));
     if (a == set_watched) {
         does.begins = true;
+        does.brief = (a == 1u) && st->brief;
         does.up = (st->quarter < 2u) != ((a == 1u) && st->opposite);
     }
     return begin(cfg, st, a, command, in, m, out, toggles);
@@ -181,11 +184,13 @@ static bool is_state(const ht_interleaved_law_state *st)
     const ht_interleaved_state *p = &st->positions;
     bool even = (p->quarter & 1u) == 0u;
     return HT_IS_XY_STATE(st->deadbeat.xy, HT_LAW_XY_LIMIT_PU) && (p->quarter < 4u)
-           && (p->turn < 3u) && is_half(&p->set[0], 0u) && is_half(&p->set[1], 1u)
-           && IMPLIES(even, p->set[0].moves == 0u)
-           && IMPLIES(even == p->together, p->set[1].moves == 0u)
-           && IMPLIES(!p->together, !p->opposite)
-           && IMPLIES(!st->begun, (p->quarter == 0u) && !p->together && (p->set[1].moves == 0u));
+           && (p->turn < 3u) && (p->carrier < HT_TURN_CARRIERS) && is_half(&p->set[0], 0u)
+           && is_half(&p->set[1], 1u) && IMPLIES(even, p->set[0].moves == 0u)
+           && IMPLIES(even == p->joined, p->set[1].moves == 0u) && IMPLIES(p->joined, p->together)
+           && IMPLIES(p->brief, p->joined == even)
+           && IMPLIES(!p->together, !p->opposite || p->brief)
+           && IMPLIES(!st->begun,
+                      (p->quarter == 0u) && !p->joined && !p->brief && (p->set[1].moves == 0u));
 }
 
 /* What a leg has done and what is still to be done fit each other. */
@@ -194,9 +199,9 @@ static bool is_past(const ht_interleaved_law_state *st, const a_past *past)
     const ht_interleaved_state *p = &st->positions;
     bool even = (p->quarter & 1u) == 0u;
     bool waits = (p->set[set_watched].moves & bit_watched) != 0u;
-    bool due = (set_watched == 0u) ? even : (even == p->together);
+    bool due = (set_watched == 0u) ? even : (even == p->joined);
     bool first = (p->quarter == 2u)
-                 || (p->quarter == (((set_watched == 0u) || p->together) ? 1u : 3u));
+                 || (p->quarter == (((set_watched == 0u) || p->joined || p->brief) ? 1u : 3u));
     bool up = first != ((set_watched == 1u) && p->opposite);
     return IMPLIES(waits, past->fresh && (past->high != past->up)) && IMPLIES(past->fresh, !due)
            && IMPLIES((set_watched == 0u) || past->steady, past->up == up)
@@ -214,7 +219,7 @@ static void pass(a_past *past, const a_step *step)
 {
     bool moves = toggles_in(step);
     past->up = step->begins ? step->up : past->up;
-    past->fresh = step->begins;
+    past->fresh = step->begins && !step->brief;
     past->steady = step->begins || (past->steady && !step->turns);
     past->high = step->high != moves;
     past->lasted = moves ? (the_period.counts - step->ca) : the_period.counts;
@@ -256,7 +261,10 @@ static void any_state(ht_interleaved_law_state *st)
     any_set(&st->positions.set[0]);
     any_set(&st->positions.set[1]);
     st->positions.steady_pu = any_ab();
+    st->positions.carrier = nondet_uint16();
     st->positions.together = nondet_bool();
+    st->positions.joined = nondet_bool();
+    st->positions.brief = nondet_bool();
     st->positions.opposite = nondet_bool();
     st->positions.quarter = nondet_uint16();
     st->positions.turn = nondet_uint16();
@@ -285,13 +293,9 @@ static void any_config(ht_interleaved_law_config *cfg)
     cfg->deadbeat.xy_ki_per_A = nondet_float();
     cfg->deadbeat.xy_free_A2 = nondet_float();
     cfg->deadbeat.reach_pu = nondet_float();
-    cfg->positions.scale = nondet_float();
-    cfg->positions.weight = nondet_float();
     cfg->positions.alike = nondet_float();
     cfg->positions.cap = nondet_float();
-    cfg->positions.together_pu2 = nondet_float();
-    cfg->positions.early[0] = nondet_float();
-    cfg->positions.early[1] = nondet_float();
+    cfg->positions.together = nondet_uint16();
     cfg->positions.kappa = nondet_float();
     cfg->positions.kappa_from_pu = nondet_float();
 }
@@ -371,7 +375,9 @@ void prove_interleaved_leg(void)
     h.room = nondet_float();
     h.end = the_period.counts;
     h.shortest = the_period.shortest;
-    h.full = 2.0f * (float)the_period.counts;
+    h.brief = nondet_bool();
+    h.full = (h.brief ? 1.0f : 2.0f) * (float)the_period.counts;
+    h.per_half = nondet_float();
     h.sense = nondet_float();
     h.at_0 = nondet_float();
     h.dead_half = nondet_float();
@@ -395,6 +401,7 @@ void prove_interleaved_leg(void)
     MUST((now != 0u) ? ((ca < the_period.counts) && HT_IS_COMPARE(ca, the_period))
                      : (ca == the_period.counts));
     MUST((now != 0u) || (toggles.t[leg_watched] == 1.0f));
+    MUST(!h.brief || (later == 0u));
     MUST((later == 0u)
          || ((set->next[k] < the_period.counts) && HT_IS_COMPARE(set->next[k], the_period)));
 }
@@ -415,6 +422,7 @@ static void begin_decision(a_decision *d)
     d->before = nondet_uint16();
     GIVEN(HT_IS_WORD(d->before));
     does.begins = false;
+    does.brief = false;
     does.up = false;
     does.bare = !d->st.begun;
 }
@@ -467,18 +475,22 @@ void prove_interleaved_edges(void)
 {
     a_decision d;
     a_past past = any_past();
-    bool together;
+    bool joined;
+    bool brief;
     bool opposite;
     begin_decision(&d);
     GIVEN(((d.before & bit_watched) != 0u) == past.high);
     GIVEN(is_past(&d.st, &past));
-    together = d.st.positions.together;
+    joined = d.st.positions.joined;
+    brief = d.st.positions.brief;
     opposite = d.st.positions.opposite;
     decide(&d);
-    does.turns = (d.st.positions.together != together) || (d.st.positions.opposite != opposite);
+    does.turns = (d.st.positions.joined != joined) || (d.st.positions.brief != brief)
+                 || (d.st.positions.opposite != opposite);
     does.high = (d.out.start & bit_watched) != 0u;
     does.ca = d.out.ca[leg_watched];
     MUST(may(&past, &does));
+    MUST(IMPLIES(does.brief, does.begins && does.turns && (set_watched == 1u)));
     pass(&past, &does);
     MUST(is_past(&d.st, &past));
     MUST(past.high == ((d.applied.s[2] & bit_watched) != 0u));
@@ -501,12 +513,14 @@ void prove_interleaved_carrier(void)
     for (n = 0u; n < DECISIONS; n++) {
         a_step step;
         step.begins = nondet_bool();
+        step.brief = nondet_bool();
         step.up = nondet_bool();
         step.turns = nondet_bool();
         step.bare = false;
         step.high = nondet_bool();
         step.ca = nondet_uint16();
         GIVEN(may(&past, &step) && ((n > 0u) || step.begins));
+        GIVEN(IMPLIES(step.brief, step.begins && step.turns && (set_watched == 1u)));
         if (step.begins) {
             halves++;
             in_half = 0u;
@@ -517,10 +531,10 @@ void prove_interleaved_carrier(void)
             falls += step.high ? 1u : 0u;
         }
         at_starts += (step.high != past.high) ? 1u : 0u;
-        turned = turned || ((n > 0u) && step.turns);
+        turned = turned || (((n > 0u) || step.brief) && step.turns);
         MUST(in_half <= 1u);
         pass(&past, &step);
     }
-    MUST((halves <= 2u) && (at_starts <= halves) && ((rises + falls) <= halves));
-    MUST(((set_watched == 1u) && turned) || ((rises <= 1u) && (falls <= 1u)));
+    MUST((at_starts <= halves) && ((rises + falls) <= halves));
+    MUST(((set_watched == 1u) && turned) || ((halves <= 2u) && (rises <= 1u) && (falls <= 1u)));
 }

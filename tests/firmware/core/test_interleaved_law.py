@@ -43,11 +43,11 @@ def level(word, leg):
 
 
 class Law:
-    def __init__(self, weight=2.0, gain=1.0, in_phase=0.0, f_isr_Hz=1 / TS, dead=0.0,
-                 shortest=SHORTEST, counts=COUNTS, alternate=False):  # fmt: skip
+    def __init__(self, together=0.0, gain=1.0, f_isr_Hz=1 / TS, dead=0.0, shortest=SHORTEST,
+                 counts=COUNTS, alternate=False):  # fmt: skip
         self.cfg = ffi.new("ht_interleaved_law_config *")
         self.cfg.deadbeat = ffi.new("ht_deadbeat_law_config *", [gain, 0.0, 16.0, 1.0])[0]
-        self.configure(weight, in_phase, f_isr_Hz, alternate)
+        self.configure(together, f_isr_Hz, alternate)
         self.state = unwritten("ht_interleaved_law_state *")
         lib.ht_interleaved_law_reset(self.state)
         self.period = ffi.new("ht_period *", [counts, 0, shortest])
@@ -55,9 +55,9 @@ class Law:
         self.six = ffi.new("ht_six *")
         self.before = 0
 
-    def configure(self, weight, in_phase, f_isr_Hz=1 / TS, alternate=False):
+    def configure(self, together, f_isr_Hz=1 / TS, alternate=False):
         lib.ht_interleaved_configure(
-            ffi.addressof(self.cfg.positions), weight, RHO, f_isr_Hz, in_phase,
+            ffi.addressof(self.cfg.positions), RHO, f_isr_Hz, together,
             1.0 if alternate else 0.0, CLAMPED_PU,
         )  # fmt: skip
         assert lib.ht_interleaved_law_check(self.cfg)
@@ -133,12 +133,13 @@ class Machine:
         return GAIN / SIGMA_LS * (np.conj(self.rotor) * self.psi).imag
 
 
-def settled(law, motor, torque, flux, periods=400):
-    """Torque and flux of the sets at the begins of their halves, over the last 48 periods."""
+def settled(law, motor, torque, flux, periods=408):
+    """Torque and flux of the sets at the begins of their halves, over the last 48 periods. Where
+    the sets are together by turns, they join or part in the middle of these."""
     rows = []
     for n in range(periods):
         state = law.state.positions
-        sets = [state.quarter & 1] if not state.together else [] if state.quarter & 1 else [0, 1]
+        sets = [state.quarter & 1] if not state.joined else [] if state.quarter & 1 else [0, 1]
         for a in sets if n >= periods - 48 else []:
             off = law.state.off_pu[a]
             mean = motor.set_flux(a) - VDC * TS * complex(off.alpha, off.beta)
@@ -151,19 +152,59 @@ def settled(law, motor, torque, flux, periods=400):
 
 @pytest.mark.parametrize("degrees", range(0, 360, 15))
 @pytest.mark.parametrize("turn", [0.0, 0.012, -0.03, 0.039])
-@pytest.mark.parametrize(("in_phase", "alternate"), [(0.0, False), (1.0, False), (1.0, True)])
-def test_each_set_has_the_torque_and_the_flux_at_its_begins(in_phase, alternate, turn, degrees):
-    """From every direction, at low and high voltage, with pulses placed or legs clamped. The
-    compare values are rounded, and edges keep the shortest pulse from the samples: the set makes up
-    for it."""
+@pytest.mark.parametrize("together", [0.0, 1 / 2, 31 / 64, 1.0])
+@pytest.mark.parametrize("alternate", [False, True])
+def test_each_set_has_the_torque_and_the_flux_at_its_begins(alternate, together, turn, degrees):
+    """From every direction, at low and high voltage, with pulses placed or legs clamped, and where
+    set 2 joins set 1 or leaves it. The compare values are rounded, and edges keep the shortest
+    pulse from the samples: the set makes up for it."""
     rotor = 0.36 * np.exp(1j * np.deg2rad(degrees))
-    law = Law(2.0 * (1 - in_phase), in_phase=in_phase, alternate=alternate)
+    law = Law(together, alternate=alternate)
     found = settled(law, Machine(rotor, turn), 1.5, 0.4)
-    assert law.state.positions.together == (in_phase == 1.0 and abs(turn) > 0.02)
     assert found[:, 0].mean() == pytest.approx(1.5, abs=0.02)
     assert np.abs(found[:, 0] - 1.5).max() < 0.12
     assert found[:, 1].mean() == pytest.approx(0.4, rel=2e-3)
     assert np.abs(found[:, 1] - 0.4).max() < 0.006
+
+
+def halves_of(law, motor, periods):
+    """Which sets begin a half in each period, and of set 2's how many periods it lasts."""
+    found = []
+    for _ in range(periods):
+        state, was = law.state.positions, law.before
+        quarter, joined = state.quarter, state.joined
+        motor.run(*valid(law, was, *law.step(
+            motor.psi, motor.psi_xy, motor.rotor, 1.5, 0.4, motor.turn
+        )))  # fmt: skip
+        sets = {quarter & 1} if not joined else set() if quarter & 1 else {0, 1}
+        found.append((quarter, sets, 1 if state.brief else 2))
+    return found
+
+
+@pytest.mark.parametrize("size", [0.05, 0.2, 0.3, 0.5])
+@pytest.mark.parametrize("together", [0, 1, 16, 32, 63, 64])
+def test_the_share_is_that_of_the_carriers_in_which_the_sets_begin_together(together, size):
+    """At every voltage. Set 1 begins a half in every second period; set 2 with it, or between, or
+    else, where it joins or leaves, a half of one period, such that no period is without a half of
+    either set."""
+    law = Law(together / 64)
+    found = halves_of(law, Machine(0.36, size * VDC * TS / 0.4), 3 * 256)[256:]
+    halves = [0, 0]
+    ends = [0, found[0][0] & 1]
+    for n, (quarter, sets, lasts) in enumerate(found):
+        assert (0 in sets) == (quarter % 2 == 0)
+        for a in (0, 1):
+            if a in sets:
+                assert n <= 1 or ends[a] == n
+                ends[a] = n + (lasts if a else 2)
+                halves[a] += 1
+    both = sum(sets == {0, 1} and lasts == 2 for _, sets, lasts in found)
+    brief = sum(1 in sets and lasts == 1 for _, sets, lasts in found)
+    between = 0 < together < 64
+    assert brief == (4 if between else 0)
+    # The half in which set 2 joins takes the place of one that it would begin together with set 1.
+    assert both == 2 * (2 * together - (1 if between else 0))
+    assert halves == [256, 256 + (2 if between else 0)]
 
 
 def test_the_first_step_is_that_of_the_equations():
@@ -217,7 +258,7 @@ def ripple(d, delta, samples=4800):
     return flux
 
 
-def cost(d, delta, quad, weight):
+def cost(d, delta, quad, weight=2.0):
     """Current and torque ripple squared: those of x-y are rho times as large."""
     one, two = ripple(d, delta)
     ab, xy = 0.5 * (one + two), 0.5 * np.conj(one - two)
@@ -232,8 +273,7 @@ def test_positions_go_down_the_slope_of_the_ripple():
     rng = np.random.default_rng(3)
     factors = []
     for trial in range(60):
-        weight = (0.0, 2.0)[trial % 2]
-        law = Law(weight, f_isr_Hz=1600.0)
+        law = Law(f_isr_Hz=1600.0)
         state = ffi.addressof(law.state.positions)
         rotor = 0.36 * np.exp(2j * np.pi * rng.random())
         x = 0.42 * np.exp(2j * np.pi * rng.random())
@@ -265,38 +305,33 @@ def test_positions_go_down_the_slope_of_the_ripple():
         for shift in (1e-3, -1e-3):
             changed = [list(row) for row in delta]
             changed[a][k] += shift
-            near.append(cost(d, changed, 1j * rotor / 0.36, weight))
+            near.append(cost(d, changed, 1j * rotor / 0.36))
         factors.append(-moved / ((near[0] - near[1]) / 2e-3))
     assert len(factors) >= 20
     assert np.min(factors) > 0
     np.testing.assert_allclose(factors, np.median(factors), rtol=0.03)
 
 
-def test_for_the_least_distortion_the_sets_begin_together_and_turn():
-    """Above 0.3 Vdc; from 0.285 Vdc down no longer. In every second 30 degrees one rises
-    while the other falls, as the modulator of db-dtfc has it."""
-    law = Law(0.0, in_phase=1.0)
-    together, senses = [], []
-    for size in (0.2, 0.29, 0.31, 0.29, 0.27):
-        motor = Machine(0.4, 0.0)
-        motor.turn = size * VDC * TS / 0.4
-        motor.psi = complex(0.4)
-        for n in range(240):
-            was = law.before
-            quarter = law.state.positions.quarter
-            out, applied, toggles = law.step(
-                motor.psi, motor.psi_xy, motor.rotor, 0.0, 0.4, motor.turn
-            )
-            motor.run(*valid(law, was, out, applied, toggles))
-            state = law.state.positions
-            if n > 120 and state.together and quarter in (0, 2):
-                v = law.state.v_pu[0]
-                angle = np.rad2deg(np.angle(complex(v.alpha, v.beta))) % 60
-                start = [applied.s[0] & SET1 != 0, applied.s[0] & ~SET1 != 0]
-                senses.append((angle, start[0] != start[1], state.opposite))
-        together.append(law.state.positions.together)
-    assert together == [False, False, True, True, False]
-    assert len(senses) > 50
+@pytest.mark.parametrize("size", [0.1, 0.25, 0.5])
+def test_for_the_least_distortion_the_sets_begin_together_and_turn(size):
+    """In every second 30 degrees one rises while the other falls, as the modulator of db-dtfc has
+    it."""
+    law = Law(1.0)
+    senses = []
+    motor = Machine(0.4, size * VDC * TS / 0.4)
+    for n in range(700):
+        was = law.before
+        quarter = law.state.positions.quarter
+        out, applied, toggles = law.step(motor.psi, motor.psi_xy, motor.rotor, 0.0, 0.4, motor.turn)
+        motor.run(*valid(law, was, out, applied, toggles))
+        state = law.state.positions
+        assert state.together and (state.joined or n == 0)
+        if n > 120 and quarter in (0, 2):
+            v = law.state.v_pu[0]
+            angle = np.rad2deg(np.angle(complex(v.alpha, v.beta))) % 60
+            start = [applied.s[0] & SET1 != 0, applied.s[0] & ~SET1 != 0]
+            senses.append((angle, start[0] != start[1], state.opposite))
+    assert len(senses) > 250 and 0.2 < np.mean([opposite for _, opposite, _ in senses]) < 0.8
     for angle, opposite, told in senses:
         assert opposite == told
         if min(abs(angle - edge) for edge in (0, 30, 60)) > 8:
@@ -316,7 +351,7 @@ def pattern_of(law, motor):
     out = law.step(motor.psi, motor.psi_xy, motor.rotor, 0.0, 0.4, motor.turn)
     ab, xy = valid(law, was, *out)
     motor.run(ab, xy)
-    return out, even and state.together
+    return out, even and state.joined
 
 
 @pytest.mark.parametrize(("size", "dead"), [(0.4, 0.0), (0.5, 0.0), (0.5, 0.0055)])
@@ -325,7 +360,7 @@ def test_clamped_legs_are_those_with_the_least_xy_ripple(size, dead):
     the least x-y ripple, under carriers whose sense is that of the half. No pulse is too short
     where the clamped leg changes. The dead time's share of an edge, in either direction, gives a
     clamped leg none."""
-    law, motor = Law(0.0, in_phase=1.0, alternate=True, dead=dead), turning(size)
+    law, motor = Law(1.0, alternate=True, dead=dead), turning(size)
     rng = np.random.default_rng(37)
     last, seen = [None] * 6, []
     for n in range(1600):
@@ -364,7 +399,7 @@ def test_clamped_legs_are_those_with_the_least_xy_ripple(size, dead):
 def test_legs_are_clamped_above_their_voltage_and_by_choice():
     """Toggles of a half: six below the voltage, or if no legs alternate, else four."""
     for size, alternate, toggles in ((0.34, True, 6), (0.4, True, 4), (0.4, False, 6)):
-        law, motor = Law(0.0, in_phase=1.0, alternate=alternate), turning(size)
+        law, motor = Law(1.0, alternate=alternate), turning(size)
         count = 0
         for n in range(700):
             (_, applied, _), _ = pattern_of(law, motor)
@@ -386,17 +421,17 @@ Z = st.builds(complex, NUMBERS, NUMBERS)
              max_size=9),
     st.sampled_from([(8, 1), (8, 4), (9, 4), (10000, 60), (10000, 5000), (65535, 1),
                      (65535, 32767)]),
-    st.floats(0, 0.5, width=32), st.integers(0, 63), st.floats(0, 1), st.floats(0, 1),
-    st.booleans(),
+    st.floats(0, 0.5, width=32), st.integers(0, 63), st.sampled_from([0, 1, 32, 64]),
+    st.booleans(), st.integers(0, 63),
 )  # fmt: skip
 def test_every_input_gives_a_valid_pattern(
-    inputs, period, dead, before, weight, in_phase, alternate
+    inputs, period, dead, before, together, alternate, carrier
 ):
     """NaN and infinity as well, and the state recovers: it holds numbers again."""
     counts, shortest = period
-    law = Law(2 * weight, in_phase=in_phase, dead=min(dead, shortest / counts), counts=counts,
+    law = Law(together / 64, dead=min(dead, shortest / counts), counts=counts,
               shortest=shortest, alternate=alternate)  # fmt: skip
-    law.before = before
+    law.before, law.state.positions.carrier = before, carrier
     for psi, psi_xy, rotor, torque, flux, turn, vdc, current in inputs:
         for leg in range(6):
             law.six.p[leg] = current
@@ -437,30 +472,13 @@ def test_every_sector_and_its_edges(size):
         time += COUNTS
 
 
-def test_a_configuration_that_is_no_number_is_refused():
-    law = Law()
-    for name in ("scale", "weight", "alike", "cap"):
-        cfg = ffi.new("ht_interleaved_config *", law.cfg.positions)
-        for wrong in (np.nan, np.inf, -2.0):
-            setattr(cfg, name, wrong)
-            assert not lib.ht_interleaved_check(cfg), (name, wrong)
-    for n in (0, 1):
-        cfg = ffi.new("ht_interleaved_config *", law.cfg.positions)
-        cfg.early[n] = np.nan
-        assert not lib.ht_interleaved_check(cfg)
-
-
 #: Each value of the positions: at the end of its range, and beyond.
 POSITIONS = {
-    "weight": ([0.0, 999.0], [-1e-3, 1e3]),
-    "scale": ([1e-6, 4.5], [0.0, -1.0, 4.51]),
-    "alike": ([-1.0, 1.0], [-1.01, 1.01]),
-    "cap": ([1e-6, 0.06], [0.0, -1.0, 0.061]),
-    "together_pu2": ([1e-6], [0.0, -1.0]),
-    "early[0]": ([-0.125, 0.125], [-0.126, 0.126]),
-    "early[1]": ([-0.125, 0.125], [-0.126, 0.126]),
-    "kappa": ([0.0, 1.0], [-0.01, 1.01]),
-    "kappa_from_pu": ([0.0], [-0.01]),
+    "alike": ([-1.0, 1.0], [-1.01, 1.01, np.nan]),
+    "cap": ([1e-6, 0.06], [0.0, -1.0, 0.061, np.inf, np.nan]),
+    "together": ([0, 64], [65]),
+    "kappa": ([0.0, 1.0], [-0.01, 1.01, np.nan]),
+    "kappa_from_pu": ([0.0], [-0.01, np.nan]),
 }
 
 
@@ -468,15 +486,12 @@ POSITIONS = {
 def test_each_value_of_the_positions_has_a_range_of_which_nan_is_no_part(name):
     def fits(value):
         cfg = Law().cfg
-        if name.startswith("early"):
-            cfg.positions.early[int(name[-2])] = value
-        else:
-            setattr(cfg.positions, name, value)
+        setattr(cfg.positions, name, value)
         return lib.ht_interleaved_law_check(cfg)
 
     good, bad = POSITIONS[name]
     assert all(fits(value) for value in good)
-    assert not any(fits(value) for value in [*bad, np.nan])
+    assert not any(fits(value) for value in bad)
 
 
 def test_the_law_refuses_what_its_deadbeat_law_refuses():

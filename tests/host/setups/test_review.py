@@ -792,7 +792,7 @@ def test_the_pulses_that_are_noted_are_those_that_cost_torque_ripple():
     assert ripple_Nm[12.0] < 1.5 * ripple_Nm[2.0] and ripple_Nm[20.0] > 5 * ripple_Nm[2.0]
 
 
-@pytest.mark.parametrize("thd_share", [0.0, 0.74, 0.75, 1.0])
+@pytest.mark.parametrize("thd_share", [0.0, 0.1, 1.0])
 @pytest.mark.parametrize(("chip", "clock_Hz"), [("f28335", 150e6), ("f28377s", 200e6)])
 def test_a_chip_that_is_too_slow_for_the_sampling_frequency(chip, clock_Hz, thd_share):
     """The budget's cycles are to leave a fifth of the period: those of the interrupt in which both
@@ -800,7 +800,7 @@ def test_a_chip_that_is_too_slow_for_the_sampling_frequency(chip, clock_Hz, thd_
     cycles = chips.budget()["c28x_cycles"]["db-ipwm"]
     smooth, clean = json.loads((DOCS / "budget.json").read_text())["mps2-an386"]["placed"]
     assert pytest.approx(clean["max"] / smooth["mean"], rel=0.01) == BOTH_SETS
-    if thd_share >= 0.75:
+    if thd_share > 0.0:
         cycles *= BOTH_SETS
     most_Hz = 0.8 * clock_Hz / cycles
     cases = [(most_Hz - 400, "ok"), (most_Hz + 400, "note")]

@@ -1,5 +1,5 @@
 """The knob of `db-ipwm`: torque ripple and distortion over `thd_share` and the voltage, on each
-machine, with carriers of one frequency. It steps, and this shows where.
+machine, with carriers of one frequency.
 """
 
 from __future__ import annotations
@@ -24,11 +24,10 @@ TITLE = "What thd_share does at each voltage"
 NAME, SHARE = "db-ipwm", "thd_share"
 NOTE = f"Td [N m] · THD∞ [%] under {NAME}."
 F_SW_HZ = 4e3
-#: Both sides of the share from which the sets begin together, and of the voltage. Closer together
-#: where the pulses' positions begin to count.
-SHARES = (0.0, 0.25, 0.5, 0.6, 0.7, 0.74, 0.76, 1.0)
-VOLTAGES_PU = (0.1, 0.2, 0.25, 0.29, 0.31, 0.34, 0.37, 0.4, 0.5)
-QUICK_SHARES, QUICK_VOLTAGES_PU = (0.0, 0.74, 0.76, 1.0), (0.1, 0.5)
+SHARES = (0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)
+#: Closer together where the pulses' positions begin to count.
+VOLTAGES_PU = (0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5)
+QUICK_SHARES, QUICK_VOLTAGES_PU = (0.0, 0.5, 1.0), (0.1, 0.5)
 FIGURES = (("td_Nm", "Td [N m]"), ("thd_inf_pct", "THD∞ [%]"))
 
 

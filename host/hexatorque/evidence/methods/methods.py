@@ -149,10 +149,12 @@ _VARIANTS: tuple[tuple[str, tuple[tuple[str, float | str], ...], tuple[Axis, ...
     (f"{OURS} alternating", (*_CLAMPED, ("clamp", "alternating")), ()),
     (f"{OURS} free", (), _ZERO),
 )
-#: Both ends of the knob of the interleaved sets.
+#: Both ends of the knob of the interleaved sets. Below this voltage, clamped legs have more
+#: distortion.
+_ALTERNATING = (("kappa", 1.0), ("kappa_from_pu", 0.36), ("clamp", "alternating"))
 _ENDS: tuple[tuple[str, tuple[tuple[str, float | str], ...]], ...] = (
     ("smooth", (("thd_share", 0.0),)),
-    ("clean", (("thd_share", 1.0), *_CLAMPED, ("clamp", "alternating"))),
+    ("clean", (("thd_share", 1.0), *_ALTERNATING)),
 )
 
 
