@@ -35,14 +35,16 @@ def at(place, scheme, f_isr_Hz, **values):
 )
 def test_both_ends_of_the_knob_against_the_deadbeat_law(place):
     """At the switching frequency of db-dtfc it has half of its torque ripple at one end, and no
-    more distortion at the other."""
+    more distortion at the other. What set 2's turns add to f_sw, 1.5 % at most, counts: distortion
+    goes with 1/f_sw."""
     theirs = at(place, "db-dtfc", HALF_HZ)
     smooth = at(place, "db-ipwm", QUARTER_HZ, thd_share=0.0)
     assert smooth["f_sw_Hz"] <= 1.01 * theirs["f_sw_Hz"]
     assert smooth["td_Nm"] <= 0.5 * theirs["td_Nm"]
     clean = at(place, "db-ipwm", QUARTER_HZ, thd_share=1.0)
-    assert clean["f_sw_Hz"] <= 1.01 * theirs["f_sw_Hz"]
-    assert clean["thd_inf_pct"] <= 1.02 * theirs["thd_inf_pct"]
+    more = clean["f_sw_Hz"] / theirs["f_sw_Hz"]
+    assert more < 1.016
+    assert more * clean["thd_inf_pct"] <= 1.02 * theirs["thd_inf_pct"]
 
 
 #: The distortion's end with clamped legs, and what it is compared with; both above 0.4 V_dc.

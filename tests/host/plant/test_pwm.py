@@ -501,7 +501,7 @@ def test_the_edges_of_interleaved_carriers_are_those_of_a_counter(device, share,
         inside = [len(list(groupby(leg))) - 1 for leg in levels]
         assert max(inside) <= 1
         toggles += sum(inside)
-    # Three in each period are one of each leg in two. Some lie at a period's begin, and where a set
-    # that begins together with the other one takes another sense, three of its legs toggle in a row.
+    # Three a period are one of each leg in two. Some lie at a period's begin, and where a set
+    # that begins together with the other takes another sense, three of its legs toggle in a row.
     assert abs(toggles - 3 * periods) <= 4 * periods / 8
     assert sim.faults == [] and sim.controller.registers.violations == 0
