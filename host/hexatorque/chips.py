@@ -29,6 +29,12 @@ BOARDS = tuple(re.findall(r"^HT_CHIP_BOARD\(\w+, (\w+)\)", _TABLE, re.M))
 #: Options of a C compiler for exact C99 arithmetic, on which equal bits depend.
 EXACT = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
 
+#: Assumed C28x cycles for one instruction of the Cortex-M4F, smallest and largest assumption. Each
+#: has two numbers: for any other instruction, and for a branch, call or return.
+C28X_CYCLES = ((1.0, 4.0), (1.5, 7.0))
+#: So the smallest estimate is at least this share of the largest one.
+LEAST_ESTIMATE = min(low / high for low, high in zip(*C28X_CYCLES))
+
 
 @lru_cache(maxsize=1)
 def budget() -> dict[str, Any]:

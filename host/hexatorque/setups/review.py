@@ -1164,8 +1164,8 @@ BOTH_SETS = 1.41
 
 
 def _interrupt(d: Design, name: str) -> Iterator[Finding]:
-    """Where the chip's time for a scheme is estimated. An estimate refuses nothing, but one of more
-    than the period leaves it open whether the chip can run the scheme."""
+    """Where the chip's time for a scheme is estimated. An estimate of more than the period leaves it
+    open whether the chip can run the scheme; where even the smallest one is more, it cannot."""
     from .. import firmware
 
     cycles = chips.budget()["c28x_cycles"].get(name)
@@ -1182,7 +1182,9 @@ def _interrupt(d: Design, name: str) -> Iterator[Finding]:
         f"fast interrupt on {chip}, estimated", 1e6 * takes_s, WRITTEN_WITHIN * 1e6 * d.period_s,
         "us",
         f"measure it on the board, or lower controller.f_isr_Hz to {math.floor(most_Hz / 1e3)}000",
-        "doubtful" if takes_s > d.period_s else "note",
+        "bad" if takes_s * chips.LEAST_ESTIMATE > d.period_s
+        else "doubtful" if takes_s > d.period_s
+        else "note",
     )  # fmt: skip
 
 

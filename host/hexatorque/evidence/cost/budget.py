@@ -38,9 +38,6 @@ TARGETS = {
 #: Folders of the firmware whose sizes count; the last one only where it is compiled.
 ROOMS = ("core", "app", "port/c2000")
 XCP = "link/xcp"
-#: Assumed C28x cycles for one instruction of the Cortex-M4F, smallest and largest assumption. Each
-#: has two numbers: for any other instruction, and for a branch, call or return.
-C28X_CYCLES = ((1.0, 4.0), (1.5, 7.0))
 #: The scheme whose positions count from a fifth of the voltage on, and a set-up in which they do.
 PLACING, PLACED = "db-ipwm", "paper-b"
 #: A machine with magnets, and a scheme of each law that drives it.
@@ -109,7 +106,7 @@ def _estimate(setup: Setup, scheme: str) -> dict:
     """Lower and upper estimate of the cycles of a scheme's fast interrupt on a C28x."""
     at = setups.load(PLACED) if scheme == PLACING else setup
     jumps, others = count.branches(at.with_scheme(scheme), BY_FILE)
-    low, high = (others * plain + jumps * jump for plain, jump in C28X_CYCLES)
+    low, high = (others * plain + jumps * jump for plain, jump in chips.C28X_CYCLES)
     return {
         "branches": round(jumps), "other_instructions": round(others),
         "low_cycles": round(low), "high_cycles": round(high),
