@@ -203,13 +203,12 @@ typedef struct {
     float centre;       /* where a pulse lies else, times the rest */
     float room;         /* either side of the middle for a pulse of half a carrier's period */
     float per_half;     /* a carrier's period, in halves */
-    float full;         /* counts of the half */
+    float full;         /* counts of the half; of a brief one, one less, so all toggle in it */
     float dead_half;    /* half of the dead time */
     float dead_quarter; /* a quarter of it ... */
     float dead_per_A; /* ... and the same over the current from which it acts fully, to be added */
     uint32_t end;     /* counts of a period */
     uint32_t shortest;
-    bool brief;     /* the half ends with this period */
     unsigned now;   /* legs that toggle in the first period ... */
     unsigned later; /* ... in the second one */
     unsigned after; /* legs that are on the half's second level all along the first period */
@@ -249,9 +248,8 @@ static HT_INTO_CALLERS uint32_t edge_counts(const half_of *h, float share, float
     if (count < end) {
         return ((2u * count) < h->shortest) ? 0u : away_from_ends(h, count);
     }
-    if (h->brief
-        || ((count > (2u * end - h->shortest))
-            && ((share >= 1.0f) || (2u * count > (4u * end - h->shortest))))) {
+    if ((count > (2u * end - h->shortest))
+        && ((share >= 1.0f) || (2u * count > (4u * end - h->shortest)))) {
         return 2u * end;
     }
     return end + away_from_ends(h, count - end);
@@ -334,12 +332,11 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     h.end = in->period->counts;
     h.shortest = in->period->shortest;
     h.per_half = HT_CARRIER_PERIODS * per_period;
-    h.full = (brief ? 1.0f : HT_HALF_PERIODS) * (float)h.end;
+    h.full = brief ? (float)(h.end - 1u) : (HT_HALF_PERIODS * (float)h.end);
     h.dead_half = (0.5f * per_period) * in->dead->dead_pu;
     h.dead_quarter = 0.5f * h.dead_half;
     h.dead_per_A = sense * h.dead_quarter / in->dead->i_zero_A;
     h.room = brief ? 0.0f : (0.5f * ROOM_SHARE - h.dead_half); /* the next pulse is at its middle */
-    h.brief = brief;
     h.now = 0u;
     h.later = 0u;
     h.after = 0u;
@@ -419,21 +416,24 @@ unsigned ht_interleaved_begins(const ht_interleaved_config *cfg, ht_interleaved_
 {
     bool was = st->joined;
     if ((st->quarter & 1u) != 0u) {
-        st->opposite = st->opposite && st->together;
-        st->joined = st->together;
         st->brief = st->together && !was;
+        st->joined = st->together;
+        st->opposite = st->opposite && st->together;
         return was ? 0u : 2u;
     }
     if (st->quarter == 0u) {
         st->together = st->carrier < cfg->together;
         st->carrier = (uint16_t)((st->carrier + 1u) % HT_TURN_CARRIERS);
     }
-    st->joined = was && st->together;
-    st->brief = was && !st->together;
-    if (!was) {
-        st->opposite = st->together && ht_modulator_alternating(0.0f, 0.0f, st->steady_pu).opposite;
+    if (was) { /* set 2 goes on with set 1, or leaves it from the level at which it is */
+        st->joined = st->together;
+        st->brief = !st->together;
+        return 3u;
     }
-    return was ? 3u : 1u;
+    if (st->together) {
+        st->opposite = ht_modulator_alternating(0.0f, 0.0f, st->steady_pu).opposite;
+    }
+    return 1u;
 }
 
 static HT_INTO_CALLERS void nothing_yet(making *m, const ht_modulator_input *in)

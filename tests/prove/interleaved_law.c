@@ -77,6 +77,17 @@ void ht_deadbeat_law_reset(ht_deadbeat_law_state *st)
     ht_xy_reset(&st->xy);
 }
 
+/* A half of one period. */
+static bool is_brief(const half_of *h)
+{
+    return h->full == (float)(the_period.counts - 1u);
+}
+
+static float any_full(void)
+{
+    return nondet_bool() ? (float)(the_period.counts - 1u) : (2.0f * (float)the_period.counts);
+}
+
 /* What prove_edge_counts shows of a leg, for the numbers that it relies on. */
 static uint32_t promise_edge_counts(const half_of *h, float share, float at)
 {
@@ -84,10 +95,10 @@ static uint32_t promise_edge_counts(const half_of *h, float share, float at)
     uint32_t end = the_period.counts;
     uint32_t in_period = (count < end) ? count : (count - end);
     MUST((h->end == end) && (h->shortest == the_period.shortest));
-    MUST(h->full == (h->brief ? 1.0f : 2.0f) * (float)the_period.counts);
+    MUST(is_brief(h) || (h->full == 2.0f * (float)the_period.counts));
     GIVEN((count == 0u) || (count == 2u * end)
           || ((in_period < end) && HT_IS_COMPARE(in_period, the_period)
-              && IMPLIES(h->brief, count < end)));
+              && IMPLIES(is_brief(h), count < end)));
     return count;
 }
 
@@ -139,7 +150,7 @@ static float promise_begin_leg(half_of *h, ht_interleaved_set *set, unsigned k, 
     } else if (nondet_bool()) {
         h->now |= bit;
         out->ca[leg] = count;
-    } else if (!h->brief && nondet_bool()) {
+    } else if (!is_brief(h) && nondet_bool()) {
         h->later |= bit;
         set->next[k] = count;
     } else {
@@ -375,8 +386,7 @@ void prove_interleaved_leg(void)
     h.room = nondet_float();
     h.end = the_period.counts;
     h.shortest = the_period.shortest;
-    h.brief = nondet_bool();
-    h.full = (h.brief ? 1.0f : 2.0f) * (float)the_period.counts;
+    h.full = any_full();
     h.per_half = nondet_float();
     h.sense = nondet_float();
     h.at_0 = nondet_float();
@@ -401,7 +411,7 @@ void prove_interleaved_leg(void)
     MUST((now != 0u) ? ((ca < the_period.counts) && HT_IS_COMPARE(ca, the_period))
                      : (ca == the_period.counts));
     MUST((now != 0u) || (toggles.t[leg_watched] == 1.0f));
-    MUST(!h.brief || (later == 0u));
+    MUST(!is_brief(&h) || (later == 0u));
     MUST((later == 0u)
          || ((set->next[k] < the_period.counts) && HT_IS_COMPARE(set->next[k], the_period)));
 }
