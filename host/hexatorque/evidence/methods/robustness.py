@@ -39,9 +39,9 @@ POINTS = (
 #: With its errors a scheme may have this much more torque ripple and distortion than the best
 #: other scheme with the same error.
 NOT_WORSE = 1.0
-#: Sampled at 20 kHz this set-up's start trips under every law: the current does not fit the flux
-#: while that is built.
-TRIPS = {("large-110kw", "R_r × 0.7")}
+#: The flux check trips while these start. Sampled at 20 kHz the first one's current does not fit its
+#: flux while that is built, under every law. The second one's flux is wrong near standstill.
+TRIPS = {("large-110kw", "R_r × 0.7"), ("paper-a-feasible", "drops 1.5 V, unknown")}
 #: With a parameter that is 30 % wrong `db-ipwm` may have this much more torque ripple than without.
 WRONG_SHARE = 1.2
 
@@ -270,7 +270,8 @@ def _failures_beside_tables(result: dict) -> list[str]:
             for label in ours & rows.keys():
                 row, where = rows[label], f"{label}, {point_name(point)}, {error}"
                 if row["lost"]:
-                    lines.append(f"{where}: {row['lost']}")
+                    if (point[0], error) not in TRIPS:
+                        lines.append(f"{where}: {row['lost']}")
                     continue
                 for key in ("torque_ripple_td_Nm", "thd_inf_pct"):
                     best = min((r["figures"][key] for r in others), default=float("inf"))
