@@ -1,12 +1,13 @@
 """The tests of the firmware, for tools/mutate.py: pytest that has collected them once and runs them
 for each mutant in a copy of itself (fork). So a mutant costs what its tests compute and no start.
 
-    python tools/mutant_tests.py FIRMWARE SECONDS FOLDER ...
+    python tools/mutant_tests.py FIRMWARE FOLDER ...
 
-FIRMWARE is the module for Python as it is, SECONDS of the processor are the limit of a run, and the
-folders have the tests. A line of standard input, in JSON, is a request:
+FIRMWARE is the module for Python as it is, and the folders have the tests. A line of standard
+input, in JSON, is a request:
 
     files     files of tests, in the order in which they run
+    limit_s   seconds of the processor that they may take
     changed   a library of one object file, which is put in place of the firmware's own
     symbols   name, kind and size of all that it defines
 
@@ -50,9 +51,8 @@ def replace(firmware: str, changed: str, symbols: list[tuple[str, str, int]]) ->
 
 
 class Plugin:
-    def __init__(self, firmware: str, limit_s: int, requests: IO[str], answers: IO[str]) -> None:
-        self.firmware, self.limit_s = firmware, limit_s
-        self.requests, self.answers = requests, answers
+    def __init__(self, firmware: str, requests: IO[str], answers: IO[str]) -> None:
+        self.firmware, self.requests, self.answers = firmware, requests, answers
         self.failed = ""
 
     def pytest_runtestloop(self, session: Any) -> bool:
@@ -76,7 +76,7 @@ class Plugin:
             os.close(here)
             self.run(items, request, there)
         os.close(there)
-        end = time.monotonic() + PATIENCE * self.limit_s
+        end = time.monotonic() + PATIENCE * request["limit_s"]
         while not (ended := os.waitpid(copy, os.WNOHANG))[0]:
             if time.monotonic() > end:
                 os.kill(copy, signal.SIGKILL)
@@ -88,7 +88,7 @@ class Plugin:
 
     def run(self, items: list[Any], request: dict[str, Any], there: int) -> None:
         """Run tests in the copy of the process."""
-        resource.setrlimit(resource.RLIMIT_CPU, (self.limit_s, self.limit_s + 5))
+        resource.setrlimit(resource.RLIMIT_CPU, (request["limit_s"], request["limit_s"] + 5))
         resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
         seconds: dict[str, float] = defaultdict(float)
         try:
@@ -106,7 +106,7 @@ class Plugin:
 
 
 def main() -> int:
-    firmware, limit_s, *folders = sys.argv[1:]
+    firmware, *folders = sys.argv[1:]
     # pytest takes these streams for itself.
     requests, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
@@ -126,7 +126,7 @@ def main() -> int:
     hypothesis.settings.load_profile("mutants")
     words = ["-q", "-s", "-p", "no:cacheprovider", "-p", "no:logging", "-p", "no:xdist",
              "-W", "ignore::pytest.PytestAssertRewriteWarning"]  # fmt: skip
-    plugin = Plugin(library, int(limit_s), requests, answers)
+    plugin = Plugin(library, requests, answers)
     return int(pytest.main([*words, *folders], plugins=[plugin]))
 
 

@@ -80,8 +80,8 @@ QUICK_S = 0.3
 NEVER_C = re.compile(r"\(\d+[+-]1\)[\w.]|\.\(|\d\.-\d|int-\d_t|int[01]_t")
 #: Bytes that the tests may take: a change may make them take ever more.
 MEMORY = 4 << 30
-#: Several times what the tests need of the processor.
-C_LIMIT_S, LIMIT_S = 10, 600
+#: Several times what the tests need of the processor: in C, in Python, there at least.
+C_LIMIT_S, TIMES, LEAST_S = 10, 5, 30
 
 
 # --- The build --------------------------------------------------------------------
@@ -143,7 +143,7 @@ class Bench:
         self.right: dict[str, bytes] = {}  # object files of the firmware as it is
         module = WORK / "module" / "_firmware.py"
         folders = [f"tests/firmware/{room}" for room in FIRMWARE.rooms]
-        words = [sys.executable, "tools/mutant_tests.py", module, LIMIT_S, *folders]
+        words = [sys.executable, "tools/mutant_tests.py", module, *folders]
         log = self.folder.with_suffix(".txt").open("w")
         own = {"PYTEST_DEBUG_TEMPROOT": str(self.folder), "OPENBLAS_NUM_THREADS": "1"}
         self.tests = subprocess.Popen(
@@ -219,8 +219,10 @@ class Bench:
         quick = own or [name for name in files if self.seconds[name] < QUICK_S]
         kills = Counter(result.by.split("::")[0] for result in list(self.book.done.values()))
         others = sorted(set(files) - set(quick), key=lambda f: self.seconds[f] / (1 + kills[f]))
+        chosen = quick if first else others
         request = {
-            "files": quick if first else others,
+            "files": chosen,
+            "limit_s": max(LEAST_S, round(TIMES * sum(self.seconds[name] for name in chosen))),
             "changed": str(library),
             "symbols": symbols(library),
         }

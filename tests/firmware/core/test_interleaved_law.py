@@ -150,11 +150,17 @@ def settled(law, motor, torque, flux, periods=408):
     return np.array(rows)
 
 
-@pytest.mark.parametrize("degrees", range(0, 360, 15))
+ENDS = [(0.0, False), (1.0, False), (1.0, True)]
+JOINS = [(1 / 2, False), (31 / 64, True)]
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.012, -0.03, 0.039])
-@pytest.mark.parametrize("together", [0.0, 1 / 2, 31 / 64, 1.0])
-@pytest.mark.parametrize("alternate", [False, True])
-def test_each_set_has_the_torque_and_the_flux_at_its_begins(alternate, together, turn, degrees):
+@pytest.mark.parametrize(
+    ("degrees", "together", "alternate"),
+    [(degrees, *end) for end in ENDS for degrees in range(0, 360, 15)]
+    + [(degrees, *join) for join in JOINS for degrees in range(0, 360, 60)],
+)
+def test_each_set_has_the_torque_and_the_flux_at_its_begins(degrees, together, alternate, turn):
     """From every direction, at low and high voltage, with pulses placed or legs clamped, and where
     set 2 joins set 1 or leaves it. The compare values are rounded, and edges keep the shortest
     pulse from the samples: the set makes up for it."""
