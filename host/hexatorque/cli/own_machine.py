@@ -116,8 +116,9 @@ def check(setup, schemes, settings, everything, as_json) -> int:
 
     Compares currents, voltages, steps and gains with their limits, suggests changes, gives the mean
     torque that each scheme holds, and names the schemes that are ready, and those of which an
-    estimate decides. Ends with 1 if the drive cannot run with the values of the set-up: if a
-    finding of all schemes is bad, or one of its own scheme or of a scheme that was asked for.
+    estimate decides. Ends with 1 if the drive cannot run with the values of the set-up, or if an
+    estimate leaves it open: if a finding of all schemes is bad, or one of its own scheme or of a
+    scheme that was asked for is bad or doubtful.
     """
     from .. import firmware, setups
     from ..setups.review import best, mean_torque_says, outcome, review

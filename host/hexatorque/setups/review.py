@@ -1168,10 +1168,13 @@ def _interrupt(d: Design, name: str) -> Iterator[Finding]:
     open whether the chip can run the scheme; where even the smallest one is more, it cannot."""
     from .. import firmware
 
-    cycles = chips.budget()["c28x_cycles"].get(name)
-    if cycles is None:
-        return
-    row = firmware.lib.ht_scheme_describe(firmware.schemes().index(name))
+    names = firmware.schemes()
+    row = firmware.lib.ht_scheme_describe(names.index(name))
+    cycles = max(  # of a scheme with the same law
+        found
+        for other, found in chips.budget()["c28x_cycles"].items()
+        if firmware.lib.ht_scheme_describe(names.index(other)).law == row.law
+    )
     interleaved = row.vectors == firmware.lib.HT_VECTORS_INTERLEAVED
     if interleaved and d.parameter("thd_share") > 0.0:
         cycles *= BOTH_SETS

@@ -14,6 +14,7 @@ from ...boards import tools
 from ...experiments.operating_points import Progress
 from ...setups import Setup
 from ...setups.derived import WRITTEN_WITHIN
+from ...setups.review import BOTH_SETS
 from . import count, stack
 
 #: The machine whose instructions and stack are limited.
@@ -244,7 +245,7 @@ by file (`--opt_level=2`). The table has the instructions of a Cortex-M4F compil
 -O2. Branches, calls and returns count 4 to 7 cycles, the depth of the C28x's pipeline, others 1 to
 1.5, without wait states. The last columns are the upper estimate's share of the period at that
 f_isr. `{placing}` runs on `{placed}`, where
-its positions count. Where less than {left:.0f} % is left, `hexatorque check` has a note.
+its positions count. Where less than {left:.0f} % is left, `hexatorque check` has a note. `{placing}` with `thd_share` above 0 takes {both} times as long.
 
 {estimates}
 
@@ -317,6 +318,7 @@ def page(result: dict, limit: dict) -> str:
         placing=PLACING, placed=PLACED, aim=PLACED_AIMS[0], aim_max=PLACED_AIMS[1],
         smooth=f"{smooth['mean']:.0f}", smooth_max=smooth["max"],
         clean=f"{clean['mean']:.0f}", clean_max=clean["max"], left=100 - 100 * WRITTEN_WITHIN,
+        both=BOTH_SETS,
         estimates=_estimates(result["c28x_estimate"]),
         image=found["image_bytes"], image_by_file=found["image_by_file_bytes"],
         exception=stack.EXCEPTION_BYTES,

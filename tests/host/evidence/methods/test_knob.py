@@ -76,4 +76,4 @@ def test_the_page_tells_how_straight_the_knob_is():
         for n in range(len(knob.FIGURES)):
             squares = {share: float(cell[n]) ** 2 for share, cell in cells.items()}
             worst = max(worst, *off_the_line(squares))
-    assert f"within {100 * worst:.0f} % of the larger end's" in text
+    assert f"within {100 * worst:.0f} % of the larger one" in text
