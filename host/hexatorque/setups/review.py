@@ -1164,8 +1164,8 @@ BOTH_SETS = 1.42
 
 
 def _interrupt(d: Design, name: str) -> Iterator[Finding]:
-    """Where the chip's time for a scheme is estimated. An estimate of more than the period leaves it
-    open whether the chip can run the scheme; where even the smallest one is more, it cannot."""
+    """The chip's time for a scheme, estimated. An estimate of more than the period leaves it open
+    whether the chip can run the scheme; where even the smallest one is more, it cannot."""
     from .. import firmware
 
     names = firmware.schemes()

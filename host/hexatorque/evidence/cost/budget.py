@@ -245,7 +245,8 @@ by file (`--opt_level=2`). The table has the instructions of a Cortex-M4F compil
 -O2. Branches, calls and returns count 4 to 7 cycles, the depth of the C28x's pipeline, others 1 to
 1.5, without wait states. The last columns are the upper estimate's share of the period at that
 f_isr. `{placing}` runs on `{placed}`, where
-its positions count. Where less than {left:.0f} % is left, `hexatorque check` has a note. `{placing}` with `thd_share` above 0 takes {both} times as long.
+its positions count; with `thd_share` above 0 it takes {both} times as long. Where less than
+{left:.0f} % is left, `hexatorque check` has a note.
 
 {estimates}
 

@@ -39,8 +39,8 @@ POINTS = (
 #: With its errors a scheme may have this much more torque ripple and distortion than the best
 #: other scheme with the same error.
 NOT_WORSE = 1.0
-#: The flux check trips while these start. Sampled at 20 kHz the first one's current does not fit its
-#: flux while that is built, under every law. The second one's flux is wrong near standstill.
+#: The flux check trips while these start. Sampled at 20 kHz the first one's current does not fit
+#: its flux while that is built, under every law. The second one's flux is wrong near standstill.
 TRIPS = {("large-110kw", "R_r × 0.7"), ("paper-a-feasible", "drops 1.5 V, unknown")}
 #: With a parameter that is 30 % wrong `db-ipwm` may have this much more torque ripple than without.
 WRONG_SHARE = 1.2
