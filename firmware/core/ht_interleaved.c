@@ -195,7 +195,7 @@ typedef struct {
 
 /* The common part of a set's legs in a half, in which dead time counts as a share of it. */
 typedef struct {
-    const ht_interleaved_config *cfg;
+    float cap;          /* most that a position moves */
     float sense;        /* 1 falling, -1 rising */
     float at_0;         /* 1 rising, else 0 */
     float doubt;        /* 0 where positions count in full, else 1 */
@@ -223,7 +223,7 @@ static HT_INTO_CALLERS float placed(const half_of *h, float share, float was, fl
     if (!(fabsf(to) <= (room - h->doubt))) { /* NaN is not */
         room = 0.5f * (room + fabsf(room));
         if (h->doubt > 0.0f) {
-            to = within(within(to, h->centre, h->act * room), was, h->cfg->cap);
+            to = within(within(to, h->centre, h->act * room), was, h->cap);
         }
         to = within(to, 0.0f, room);
     }
@@ -316,7 +316,6 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     float sense = rising ? -1.0f : 1.0f;
     bool brief = (a == 1u) && st->brief;
     float per_period = brief ? 1.0f : (1.0f / HT_HALF_PERIODS); /* halves */
-    h.cfg = cfg;
     h.sense = sense;
     h.at_0 = rising ? 1.0f : 0.0f;
     h.act = ht_between((size2 - FROM_PU2) * (1.0f / (FULL_PU2 - FROM_PU2)), 0.0f, 1.0f);
@@ -325,6 +324,8 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
         h.centre = (h.act > 0.0f) ? 0.0f : EARLY;
         h.act = 0.0f;
     }
+    h.cap = (h.act > 0.0f) ? cfg->cap
+                           : CAP_MOST; /* soon away from the samples, where it is known */
     h.doubt = (h.act < 1.0f) ? 1.0f : 0.0f;
     if (a == 0u) {
         st->steady_pu = command->steady_pu;

@@ -79,7 +79,8 @@ float ht_longest_pu(ht_winding winding);
 float ht_scheme_xy_step_pu(const ht_scheme_info *row, ht_winding winding);
 
 /** Largest x-y flux of the ripple of interleaved carriers, at any voltage, units of Vdc Ts; 0 for
- *  another scheme. */
+ *  another scheme. For a carrier in which the sets join or part it is up to 0.29: less than the third
+ *  that a torque step adds. */
 float ht_scheme_xy_ripple_pu(const ht_scheme_info *row);
 
 #endif

@@ -362,7 +362,6 @@ void prove_interleaved_leg(void)
 {
     ht_interleaved_law_state st;
     ht_interleaved_set *set = &st.positions.set[0];
-    ht_interleaved_config cfg;
     half_of h;
     making m;
     ht_compare out;
@@ -379,8 +378,7 @@ void prove_interleaved_leg(void)
     any[1] = any_six();
     any[2] = any_six();
     GIVEN(k < 3u);
-    cfg.cap = nondet_float();
-    h.cfg = &cfg;
+    h.cap = nondet_float();
     h.doubt = nondet_float();
     h.act = nondet_float();
     h.centre = nondet_float();

@@ -235,11 +235,10 @@ def test_the_first_step_is_that_of_the_equations():
         x = e / (2 * TS * VDC) + RS * (w - rotor) / SIGMA_LS * (1 + 0.5j * tau) / VDC
         u = np.array([(x * np.exp(-1j * ANGLE[leg])).real for leg in LEGS[0]])
         d = 0.5 + u - 0.5 * (u.max() + u.min())
-        # The first half of set 1 rises. A pulse moves towards 1/8 by the cap at most.
-        delta = min(law.cfg.positions.cap, 0.125)
+        # The first half of set 1 rises. A pulse moves towards 1/8, by 0.06 at most.
         for k, leg in enumerate(LEGS[0]):
             placed = law.state.positions.set[0].delta[k]
-            assert abs(placed) <= delta + 1e-6
+            assert abs(placed) <= 0.06 + 1e-6
             at = 2 * (1 - d[k]) + 4 * (1 - d[k]) * placed
             late = law.state.positions.set[0].moves >> (5 - leg) & 1
             got = 1 + law.state.positions.set[0].next[k] / COUNTS if late else toggles.t[leg]

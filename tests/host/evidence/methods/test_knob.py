@@ -1,6 +1,7 @@
 """The study of `thd_share`: its points, its table and picture, and what the page says of it."""
 
 import csv
+import math
 from pathlib import Path
 
 import numpy as np
@@ -76,4 +77,4 @@ def test_the_page_tells_how_straight_the_knob_is():
         for n in range(len(knob.FIGURES)):
             squares = {share: float(cell[n]) ** 2 for share, cell in cells.items()}
             worst = max(worst, *off_the_line(squares))
-    assert f"within {100 * worst:.0f} % of the larger one" in text
+    assert f"within {math.ceil(100 * worst)} % of the larger one" in text
