@@ -20,7 +20,7 @@
 #define WEIGHT 2.0f
 /* Of the slope, what one leg in three goes; `pull` gives the slope over 0.75. */
 #define SCALE (6.0f * 0.75f / (1.0f + WEIGHT))
-/* What a position moves by in a half, at most: 0.025 at a carrier of 4 kHz. */
+/* What a position moves by in a half, at most: down the slope 0.025 at a carrier of 4 kHz. */
 #define CAP_HZ 100.0f
 #define CAP_MOST 0.06f
 /* Where pulses lie at low voltage: their edges are then in the middle of a period. */
@@ -195,7 +195,6 @@ typedef struct {
 
 /* The common part of a set's legs in a half, in which dead time counts as a share of it. */
 typedef struct {
-    float cap;          /* most that a position moves */
     float sense;        /* 1 falling, -1 rising */
     float at_0;         /* 1 rising, else 0 */
     float doubt;        /* 0 where positions count in full, else 1 */
@@ -214,8 +213,8 @@ typedef struct {
     unsigned after; /* legs that are on the half's second level all along the first period */
 } half_of;
 
-/* Where a pulse goes: to where it is better, within what its room and the voltage allow. `better` is within
- * the cap of `was`, so where positions count in full the room is all that limits it. */
+/* Where a pulse goes: to where it is better, within what its room and the voltage allow. `better` is near
+ * `was`, so where positions count in full the room is all that limits it. */
 static HT_INTO_CALLERS float placed(const half_of *h, float share, float was, float better)
 {
     float room = h->room - ROOM_SHARE * fabsf(share - 0.5f);
@@ -223,7 +222,7 @@ static HT_INTO_CALLERS float placed(const half_of *h, float share, float was, fl
     if (!(fabsf(to) <= (room - h->doubt))) { /* NaN is not */
         room = 0.5f * (room + fabsf(room));
         if (h->doubt > 0.0f) {
-            to = within(within(to, h->centre, h->act * room), was, h->cap);
+            to = within(within(to, h->centre, h->act * room), was, CAP_MOST);
         }
         to = within(to, 0.0f, room);
     }
@@ -324,8 +323,6 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
         h.centre = (h.act > 0.0f) ? 0.0f : EARLY;
         h.act = 0.0f;
     }
-    h.cap = (h.act > 0.0f) ? cfg->cap
-                           : CAP_MOST; /* soon away from the samples, where it is known */
     h.doubt = (h.act < 1.0f) ? 1.0f : 0.0f;
     if (a == 0u) {
         st->steady_pu = command->steady_pu;

@@ -378,7 +378,6 @@ void prove_interleaved_leg(void)
     any[1] = any_six();
     any[2] = any_six();
     GIVEN(k < 3u);
-    h.cap = nondet_float();
     h.doubt = nondet_float();
     h.act = nondet_float();
     h.centre = nondet_float();
