@@ -248,6 +248,32 @@ def test_the_first_step_is_that_of_the_equations():
         assert applied.s[0] & ~SET1 == 0 and applied.s[1] & ~SET1 == 0
 
 
+@pytest.mark.parametrize("half", [0, 1])
+def test_an_edge_is_commanded_earlier_by_what_the_dead_time_delays_it(half):
+    """In a rising half the dead time delays a leg whose current flows out of it, in a falling one
+    the leg whose current flows into it: by all of it from i_zero on, and in proportion below."""
+    dead, i_zero_A = 0.02, 0.1
+
+    def edges(i_A):
+        law, motor = Law(dead=dead), turning(0.3)
+        for leg in range(6):
+            law.six.p[leg] = i_A
+        for _ in range(2 * half + 1):
+            *_, toggles = law.step(motor.rotor - 0.002j, 0j, motor.rotor, 0.0, 0.4, motor.turn)
+        state = law.state.positions.set[0]
+        return np.array([
+            1 + state.next[k] / COUNTS if state.moves >> (5 - leg) & 1 else toggles.t[leg]
+            for k, leg in enumerate(LEGS[0])
+        ])  # fmt: skip
+
+    none = edges(0.0)
+    free = np.abs(none - 1) > dead  # an edge keeps its distance from the sample
+    assert free.sum() >= 2
+    for i_A in (-5 * i_zero_A, -i_zero_A, -i_zero_A / 2, i_zero_A / 4, i_zero_A, 5 * i_zero_A):
+        share = 0.5 + 0.5 * np.clip((i_A, -i_A)[half] / i_zero_A, -1, 1)
+        np.testing.assert_allclose((edges(i_A) - none)[free], (0.5 - share) * dead, atol=2e-4)
+
+
 def ripple(d, delta, samples=4800):
     """Fluxes of the sets without their means, over one period of the carrier, from ideal pulses."""
     t = (np.arange(samples) + 0.5) / samples
