@@ -39,7 +39,10 @@ RAM = "--ramfunc=on"
 #: word a blank has a backslash before it.
 STAND_IN = r"""#!/bin/sh
 words=$(printf '%s\n' "$0" "$@" | sed 's/[\\ ]/\\&/g' | tr '\n' ' ')
-printf '%s\n' "$words" >> "{log}"
+# In one piece: others that run at the same time write to it, too.
+printf '%s\n' "$words" > "{log}.$$"
+cat "{log}.$$" >> "{log}"
+rm "{log}.$$"
 out=
 source=
 for word in "$@"; do
