@@ -16,10 +16,10 @@
  *  and each half moves one pulse of its set down the slope of J. Nothing is integrated or tabled.
  *
  *  For the least distortion both sets begin together, in phase or, in every second 30 degrees of the voltage,
- *  opposite to each other; legs may be clamped by turns. ht_modulator.h has both. No positions between give
- *  all results between: J has several minima. So both kinds of carriers take turns. Ripple squared is then
- *  the mean of both ends'. Set 2 joins set 1 and leaves it by a half of one period, which makes the same
- *  mean voltage.
+ *  opposite to each other; legs may be clamped by turns. ht_modulator.h has both. Between both ends J has
+ *  several minima, so no weight in it gives every result. Both kinds of carriers take turns instead: ripple
+ *  squared is then the mean of both ends' squares, weighted with the share of the time. Set 2 joins set 1, or
+ *  leaves it, by a half that lasts one period and makes the same mean voltage.
  *
  *  Below a fifth of V_dc a position changes little, because all legs are at half; there the pulses of
  *  a set are moved together, away from the instants at which the converter samples.
