@@ -330,7 +330,7 @@ static HT_INTO_CALLERS ht_ab begin(const ht_interleaved_config *cfg, ht_interlea
     h.end = in->period->counts;
     h.shortest = in->period->shortest;
     h.per_half = HT_CARRIER_PERIODS * per_period;
-    h.full = brief ? (float)(h.end - 1u) : (HT_HALF_PERIODS * (float)h.end);
+    h.full = brief ? ((float)h.end - 1.0f) : (HT_HALF_PERIODS * (float)h.end);
     h.dead_half = (0.5f * per_period) * in->dead->dead_pu;
     h.dead_quarter = 0.5f * h.dead_half;
     h.dead_per_A = sense * h.dead_quarter / in->dead->i_zero_A;

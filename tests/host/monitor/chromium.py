@@ -218,10 +218,12 @@ class Page:
 
     def type(self, selector: str, text: str) -> None:
         """Replace what is in a field, in one step: the page cannot write there in between."""
-        self.js(
+        typed = self.js(
             f"(() => {{ const e = document.querySelector({selector!r}); e.focus(); e.select(); "
-            f"document.execCommand('insertText', false, {text!r}); }})()"
+            f"document.execCommand('insertText', false, {text!r}); "
+            "return document.activeElement === e; })()"
         )
+        assert typed, f"{selector} cannot have the focus: it is hidden or disabled"
 
     def choose(self, selector: str, value: str) -> None:
         self.js(f"(() => {{ const e = document.querySelector({selector!r}); e.value = {value!r};"

@@ -36,6 +36,7 @@ def tab(page, name: str) -> None:
     page.click(f"[data-panel={name}]")
     if name == "parameters":
         page.click("#open-groups")
+        page.until("document.querySelector('#open-groups').textContent === 'Close all'")
 
 
 def start(page) -> None:

@@ -49,6 +49,15 @@ def test_a_group_opens_by_mouse_and_by_key(panel):
     assert panel.js(f"{GROUPS}.length") == len(titles)
 
 
+def test_opened_groups_stay_open_when_values_arrive_at_once(panel):
+    """Before the browser has told the groups' toggle events. Revert shows the values again."""
+    panel.js(
+        "document.querySelector('#open-groups').click(), document.querySelector('#revert').click()"
+    )
+    panel.until("document.querySelector('#open-groups').textContent === 'Close all'")
+    assert len(panel.js(SEEN)) == len(firmware.parameters())
+
+
 @pytest.mark.parametrize(
     "words, wanted",
     [

@@ -243,7 +243,7 @@ function showValues() {
     changed += differs(row);
   }
   $("changed-count").textContent = `(${changed})`;
-  search();
+  if (searching()) search(); // else it would undo a click whose toggle event is still to come
   whenShown();
 }
 
