@@ -80,8 +80,9 @@ QUICK_S = 0.3
 NEVER_C = re.compile(r"\(\d+[+-]1\)[\w.]|\.\(|\d\.-\d|int-\d_t|int[01]_t")
 #: Bytes that the tests may take: a change may make them take ever more.
 MEMORY = 4 << 30
-#: Several times what the tests need of the processor: in C, in Python, there at least.
-C_LIMIT_S, TIMES, LEAST_S = 10, 5, 30
+#: Several times what the tests need of the processor: in C, in Python, there at least, and where no
+#: run has told it yet.
+C_LIMIT_S, TIMES, LEAST_S, UNKNOWN_S = 10, 5, 30, 3600
 
 
 # --- The build --------------------------------------------------------------------
@@ -220,9 +221,10 @@ class Bench:
         kills = Counter(result.by.split("::")[0] for result in list(self.book.done.values()))
         others = sorted(set(files) - set(quick), key=lambda f: self.seconds[f] / (1 + kills[f]))
         chosen = quick if first else others
+        need_s = [self.seconds[name] for name in chosen]
         request = {
             "files": chosen,
-            "limit_s": max(LEAST_S, round(TIMES * sum(self.seconds[name] for name in chosen))),
+            "limit_s": max(LEAST_S, round(TIMES * sum(need_s))) if all(need_s) else UNKNOWN_S,
             "changed": str(library),
             "symbols": symbols(library),
         }

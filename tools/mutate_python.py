@@ -136,6 +136,7 @@ def test(folder: Path, file: str, text: str, first: bool) -> None:
     import hypothesis
     import pytest
 
+    os.environ["HT_INPUTS"] = "new"  # so tests/conftest.py leaves this profile
     phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
     hypothesis.settings.register_profile(
         "mutants", derandomize=True, database=None, phases=phases, deadline=None

@@ -490,6 +490,24 @@ def test_a_turning_machine_whose_flux_is_known_is_caught(bench, sign):
     assert bench.drive.flux_unknown == 0
 
 
+@pytest.mark.parametrize(("rpm", "weak"), [(500, False), (1900, True)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_caught_shaft_gets_a_flux_that_the_scheme_can_turn(bench, sign, rpm, weak):
+    """With half of the link at most. If that is more than the reference, it gets the reference."""
+    bench.controller.set("build_s", 0.1)
+    turn(bench, sign * rpm)
+    bench.fast(FLUX_DECAYS)
+    bench.run_to("build")
+    while bench.state == "build":
+        flux_Wb = bench.drive.flux_ref_Wb
+        bench.fast()
+    reach_pu = min(0.5, bench.drive.config.flux.reach_pu)
+    wanted_Wb = reach_pu * bench.vdc / (rpm * np.pi / 30 * SETUP["pole_pairs"])
+    reference_Wb = bench.controller.get("flux_ref_Wb")
+    assert (wanted_Wb < reference_Wb) == weak
+    assert flux_Wb == pytest.approx(min(wanted_Wb, reference_Wb), rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("fault", "known"),
     [(lib.HT_FAULT_OVERCURRENT, True), (lib.HT_FAULT_VDC_HIGH, True), (lib.HT_FAULT_LINK, True),

@@ -39,6 +39,18 @@ def test_temperatures_are_those_of_the_beta_equation(ohm, beta):
         assert np.abs(found - degC[seen]).max() < 0.02
 
 
+@pytest.mark.parametrize("share", (0.51, 0.72, 0.99, 1.01, 1.4, 1.9, 3.99))
+def test_the_logarithm_is_exact_to_a_few_floats_wherever_the_ratio_lies(share):
+    """1e-6 in the logarithm is 1e-4 K here. The ratio's float and 1/T take half of it."""
+    beta, counts = 1000.0, np.arange(END, FULL - END, 97.0)
+    config = configured(1e4, beta, share * 1e4)
+    exact = 1 / (1 / 298.15 + np.log(share * counts / (FULL - counts)) / beta) - 273.15
+    near = (exact > -20) & (exact < 40)
+    assert near.sum() > 3
+    found = np.array([lib.ht_ntc_degC(config, c) for c in counts[near]])
+    assert np.abs(found - exact[near]).max() < 1e-4
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_higher_reading_is_a_lower_temperature_whatever_the_parameters(seed):
     """So there is no table that could be out of order. Adjacent readings may be the same float."""

@@ -93,6 +93,16 @@ def test_a_direct_part_of_the_current_does_not_end_it():
         assert case.step(0.0, CEILING, dc=(15 + 20j) * np.exp(-n * TS / 0.02), doubtful=True)
 
 
+def test_the_steps_of_its_rise_do_not_count():
+    """The current comes from nothing: its first step is no rotation, nor is the next angle."""
+    case = Case().begun(CEILING)
+    for _ in range(2):
+        case.step(CEILING, i_A=30.0)
+        assert case.st.square_A2 == 0 and case.st.cross_A2 == 0
+    case.step(CEILING, i_A=30.0)
+    assert case.st.square_A2 > 0 and case.st.cross_A2 > 0
+
+
 def test_an_encoder_that_stops_is_remembered():
     """A slow interrupt or two have seen it standing before the drive trips."""
     case = Case()

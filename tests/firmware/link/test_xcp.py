@@ -330,6 +330,8 @@ def test_without_a_store_the_kept_page_has_the_built_in_values(device, without):
     with pytest.raises(Refused) as refused:
         master.ask("BBH", 0xF9, 1, 0)
     assert refused.value.code == GENERIC
+    device.tick(5)
+    assert master.packets + master.receive() == [], "no event tells that something is kept"
     master.ask("BBBB", 0xEB, 0x02, 0, 1)
     row = firmware.parameters()["kp_speed_Nms_rad"]
     assert (

@@ -15,6 +15,7 @@ from xcp_master import (
     MODE,
     PARAMETERS_AT,
     RANGE,
+    RES,
     SEQUENCE,
     Master,
     channel,
@@ -22,7 +23,7 @@ from xcp_master import (
     parameter,
 )
 
-from hexatorque.firmware import lib
+from hexatorque.firmware import ffi, lib
 
 LISTS, ODTS, ENTRIES, ODT_ENTRIES = 8, 32, 128, 32
 FAST, SLOW = 0, 1
@@ -290,6 +291,17 @@ def test_lists_start_and_stop_one_by_one_and_together(master):
     assert master.code("BB", 0xDD, 3) == MODE
     assert master.code("BBH", 0xDE, 3, 0) == MODE
     assert master.code("BBH", 0xDE, 1, 3) == RANGE
+
+
+def test_a_start_of_all_lists_changes_nothing_behind_them(master):
+    """With as many lists as there can be, their packets follow in memory."""
+    allocate(master, LISTS)
+    behind = master.xcp.daq.odt
+    before = bytes(ffi.buffer(behind))
+    for k in range(1, LISTS):
+        master.ask("BBH", 0xDE, 2, k)
+    assert master.code("BB", 0xDD, 1) != RES, "nothing was written into the lists"
+    assert bytes(ffi.buffer(behind)) == before
 
 
 def test_a_list_that_is_started_again_goes_on(master):
