@@ -222,7 +222,8 @@ def xy_harmonics(scheme, emf, sense=1, periods=3000):
     of 200 Hz and the torque are to rise: no period has a zero vector. `emf`: what magnets induce of
     both then, which the law is told; None: an induction machine. Magnets turn in this sense. Also
     the words of the first period."""
-    cfg = config(scheme).table_law
+    drive = config(scheme)  # it owns the memory of its part
+    cfg = drive.table_law
     state = ffi.new("ht_table_law_state *")
     lib.ht_table_law_reset(state)
     decided, psi_xy, told = (ffi.new(f"ht_{n} *") for n in ("estimate", "xy", "induced"))

@@ -94,6 +94,14 @@ def test_a_value_out_of_range_is_the_schemes_fault(part):
     assert lib.ht_control_check(cfg) == lib.HT_CONFIG_SCHEME
 
 
+@pytest.mark.parametrize("i_A", np.random.default_rng(7).uniform(-5, 5, (5, 6)).tolist())
+def test_the_law_sees_six_currents_by_the_vsd_matrix(i_A):
+    control = Control(config())
+    control.step(i=i_A)
+    seen = control.state.observer.i_A
+    np.testing.assert_allclose([seen.alpha, seen.beta], T[:2] @ i_A, atol=1e-5)
+
+
 def test_flux_is_the_volt_seconds_of_the_registers_also_over_changes_of_the_law():
     """Without resistance and dead time, flux is nothing but what the registers say. A change of
     the law must not lose or double a period: the pattern in the registers goes out yet."""
