@@ -1,6 +1,7 @@
 """From parameters to what the control step and the checks use, and the tables' answers to numbers
 that are in no table."""
 
+import functools
 import math
 import re
 from pathlib import Path
@@ -146,6 +147,119 @@ def test_the_checks_know_the_machine(v):
         "slow_turns_s": slow_s / (2 * np.pi),
     }
     assert {name: found[name] for name in wanted} == pytest.approx(wanted, rel=1e-5)
+
+
+#: What one may add to a drive, and its limits.
+ADDED = {
+    "winding_K_W": 0.4, "winding_s": 45.0, "frame_K_W": 0.25, "frame_s": 900.0, "rs_ohm": 4.5,
+    "rs_degC": 30.0, "ambient_degC": 35.0, "adapt_s": 1.5, "observer": "hybrid",
+    "crossover_Hz": 1.0, "rs_tells": "resistance",
+    "device_K_W": 1.2, "device_s": 0.3, "device_nJ_VA": 150.0,
+    "fan_s": 7.0, "brake_open_s": 0.15, "brake_close_s": 0.12, "brake_Nm": 3.0,
+    "precharge_V": 240.0, "vdc_min_V": 150.0, "chopper_on_V": 340.0, "chopper_off_V": 330.0,
+    "vdc_high_V": 360.0, "vdc_low_V": 200.0, "vdc_band_V": 12.0, "kp_speed_Nms_rad": 0.4,
+    "flux_brake_share": 0.2, "flux_check": 0.3, "flux_wait_s": 0.72, "flux_min_Wb": 0.05,
+    "encoder_trip_rpm": 150.0, "encoder_counts_rev": 8192.0,
+    "iron_hysteresis_A_Wb": 0.9, "iron_eddy_S": 0.003,
+    "ramp_up_rpm_s": 900.0, "ramp_down_rpm_s": 700.0, "ramp_jerk_rpm_s2": 5000.0,
+    "motion": "quick-stop", "quick_stop_rpm_s": 4000.0, "ki_speed_Nm_rad": 2.5,
+    "start_max_rpm": 20.0, "speed_period_rpm": 100.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("v", [one | ADDED for one in DRIVES])
+def test_limits_outputs_and_losses_know_drive_and_machine(v):
+    """Times in slow interrupts, low passes as above, the machine's loss in its own quantities."""
+    made, _ = control(**v)
+    c, slow_s = made.drive.config, 1 / v["f_slow_Hz"]
+    ratio = v["lm_H"] / v["lr_H"]
+    main_H = ratio * v["lm_H"]
+    ls_H = v["sigma_ls_H"] + main_H
+    # At a slip w_s a flux psi makes 3 P psi^2 w_s/R_r of the rotor seen from the stator; the circle
+    # diagram's top is at half of the current that the leakage alone would leave.
+    by_slip = 3 * v["pole_pairs"] * (v["encoder_trip_rpm"] * v["pole_pairs"] * np.pi / 30) / (
+        v["rr_ohm"] * ratio**2
+    )  # fmt: skip
+    pull_out = 0.8 * 3 * v["pole_pairs"] * (1 / v["sigma_ls_H"] - 1 / ls_H) / 2
+    # The winding loses heat to the frame, which takes it and loses it to the air.
+    fastest_Hz = 1 / 45 + (1 + 0.25 / 0.4) / 900
+    steps = math.floor(1 / 32 / (slow_s * fastest_Hz)) + 1
+    step_s = steps * slow_s
+    zero_degC = 20 - 1 / 0.00393  # where the line of copper's resistance ends
+
+    def low_pass(time_s):
+        return slow_s / (slow_s + time_s)
+
+    wanted = {
+        "least_loss.error_gain": low_pass(1.0),
+        "least_loss.per_Nm": 1 / (3 * v["pole_pairs"] * main_H),
+        "least_loss.ls2_H2": ls_H**2,
+        "least_loss.across2_H2": v["sigma_ls_H"] ** 2,
+        "least_loss.rotor_ohm": v["rr_ohm"] * ratio**2,
+        "least_loss.hysteresis_ohm": v["iron_hysteresis_A_Wb"] / 3,
+        "least_loss.eddy_ohm": v["iron_eddy_S"] / 3,
+        "pull_out_Nm_Wb2": pull_out,
+        "least_loss.reach_Nm_Wb2": min(by_slip, pull_out),
+        "least_loss.wait": int(0.72 / slow_s),
+        "flux_brake.raise_Wb": 0.2 * v["flux_ref_Wb"],
+        "flux_brake.most_Wb": 1.2 * v["flux_ref_Wb"],
+        "flux_brake.hold": 0.1 / slow_s,
+        "flux_brake.per_check": 1 / 0.3**2,
+        "heat.steps": steps,
+        "heat.sample_gain": 1 / 3,
+        "heat.more_gain": 1 / 11,
+        # A leg has a look in seven fast interrupts, and four more for a period of four.
+        "heat.look_turns": v["f_isr_Hz"] * slow_s / 7 + 4,
+        "heat.to_frame": step_s / 45,
+        "heat.per_W_K": step_s / 45 * 6 * 0.4,
+        "heat.to_ambient": step_s / 900,
+        "heat.frame_per_W_K": step_s / 900 * 0.25,
+        "heat.frame_per_rise": step_s / 900 * 0.25 / (6 * 0.4),
+        "heat.ohm_per_K": 4.5 / (30 - zero_degC),
+        "heat.ambient_K": 35 - zero_degC,
+        "heat.settled": 6 * 1.5 / slow_s,
+        "heat.rs_tells": 2,
+        "heat.heed": 1.0,
+        "device_heat.gain": low_pass(0.3),
+        "device_heat.share_V": 150e-9 * v["f_isr_Hz"],
+        "outputs.precharge_V": 240.0,
+        "outputs.rearm_V": 150.0,
+        "outputs.stands": 0.1 / slow_s,
+        "outputs.opens": 0.15 / slow_s,
+        "outputs.closes": 0.12 / slow_s,
+        "outputs.fan_after": 7 / slow_s,
+        "outputs.chopper_on_V": 340.0,
+        "outputs.chopper_off_V": 330.0,
+        "vdc.above_V": 348.0,
+        "vdc.below_V": 212.0,
+        "vdc.per_band": 1 / 12,
+        "ramp.up_rpm": 900 * slow_s,
+        "ramp.down_rpm": 700 * slow_s,
+        "ramp.jerk_rpm": 5000 * slow_s**2,
+        "stop.down_rpm": 4000 * slow_s,
+        "stop.jerk_rpm": 0.0,
+        "speed.ki_ts_Nms_rad": 2.5 * slow_s,
+        "measure.rpm_per_count": 60 / slow_s / 8192,
+        "sets.gain": low_pass(0.05),
+        "lxy_gain": low_pass(0.3),
+        "omega_mean_gain": low_pass(0.2),
+        "build_gain": low_pass(0.1),
+        "built": 2.5 * 0.1 / slow_s,
+        "adapt_gain": low_pass(1.5),
+        "protect.counts_quick": 1 / (1 + 3e-4 * v["f_isr_Hz"]),
+        "protect.most_counts": 150 * 8192 / 60 / v["f_isr_Hz"],
+    }
+    found = {name: functools.reduce(getattr, name.split("."), c) for name in wanted}
+    assert found == pytest.approx(wanted, rel=1e-5)
+
+
+def test_what_is_not_wanted_has_no_level():
+    without = dict.fromkeys(("chopper_on_V", "vdc_high_V", "vdc_low_V", "adapt_s", "fan_s"), 0.0)
+    made, _ = control(**without)
+    c = made.drive.config
+    assert c.outputs.chopper_on_V > 1e6 and c.outputs.chopper_off_V > 1e6
+    assert c.vdc.above_V > 1e6 and c.vdc.below_V < -1e6
+    assert c.adapt_gain == 0 and c.outputs.fan_after == 0 and c.heat.steps == 0
 
 
 @pytest.mark.parametrize("v", DRIVES)

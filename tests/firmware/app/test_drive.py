@@ -2204,6 +2204,24 @@ def test_a_caught_rotor_begins_with_a_flux_that_the_voltage_turns(magnets, share
     assert bench.drive.flux_ref_Wb == pytest.approx(min(most_Wb, PSI_F), rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("adapt_s", "off_legs", "learns"), [(1.0, 0, 1), (0.0, 0, 0), (1.0, 32, 0)]
+)
+def test_the_flux_of_the_magnets_is_learnt_in_the_slow_interrupt(
+    magnets, adapt_s, off_legs, learns
+):
+    """If a parameter says so, and with all legs."""
+    bench = magnets(table="45/135", adapt_psi_f_s=adapt_s)
+    omega = caught(bench, 0.3)
+    observer = bench.drive.control.observer
+    observer.omega_sync_rad_s = omega
+    observer.gap_Wb = [0.01, -0.02]
+    before = observer.more_Wb
+    bench.drive.off_legs = off_legs
+    bench.slow()
+    assert (abs(observer.more_Wb - before) > 1e-6) == learns
+
+
 def test_without_weakening_the_voltage_limits_no_torque_of_magnets(magnets):
     """The parameter does, and with weakening the power that the law makes of the link."""
     limits_Nm = {}
@@ -2324,6 +2342,37 @@ def test_a_build_up_that_was_long_enough_tells_the_resistance_of_a_cold_winding(
     assert not learns(state="fault")
     assert not learns(times=0.5)
     assert not learns(share=100.0)
+
+
+@pytest.mark.parametrize("more_ohm", [0.0, 40.0])
+def test_looks_tell_the_mean_squares_that_the_samples_miss(bench, more_ohm):
+    """By a low pass of ten looks, with the leakage inductance that is learnt."""
+    bench = Bench(bench.device, **TELLING)
+    bench.run_to("run")
+    drive, look = bench.drive, bench.drive.look
+    rng = np.random.default_rng(6)
+    missed_A2 = np.zeros(6)
+    for _ in range(3):
+        for _ in range(200):
+            bench.amperes = rng.uniform(-3, 3, 6)
+            bench.fast()
+            bench.follow_flux()
+        assert drive.looked == 1 and bench.state == "run"
+        drive.control.leg_loss.more_ohm = more_ohm
+        c = drive.config.control
+        circuit = ffi.new("ht_look_circuit *", {
+            "machine": ffi.addressof(c.observer), "lxy_H": c.observer.lxy_H + more_ohm * 1e-4,
+            "vdc_V": getattr(drive, "in").vdc_V, "period": ffi.addressof(c.period),
+            "dead": ffi.addressof(c.dead),
+        })  # fmt: skip
+        mean_A2 = ffi.new("ht_six *")
+        lib.ht_look_squares(ffi.new("ht_look *", look), circuit, mean_A2)
+        begin, end = (np.array(list(look.i_A[n].p)) for n in (0, 1))
+        now_A2 = np.array(list(mean_A2.p)) - (begin**2 + end**2) / 2
+        missed_A2 += (now_A2 - missed_A2) / 11
+        bench.slow()
+        np.testing.assert_allclose(list(drive.heat.more_A2), missed_A2, rtol=1e-4, atol=1e-6)
+    assert np.abs(missed_A2).max() > 1e-3
 
 
 def test_a_trip_from_outside_and_by_current_at_once_is_one_trip_by_hardware(bench):

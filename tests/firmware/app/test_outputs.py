@@ -81,6 +81,13 @@ def test_the_fan_goes_on_after_the_work(make):
     assert after[:199] == [FAN] * 199 and not any(after[201:])
 
 
+def test_a_fan_that_is_taken_away_while_it_goes_on_is_off(make):
+    _, st = make(fan_s=2.0)
+    st.fan_for = 100.0
+    without, _ = make(fan_s=0.0)
+    assert step(without, st) == 0
+
+
 def phases(cfg, st, torques, follows=True):
     return [lib.ht_outputs_brake(cfg, st, torque, follows) for torque in torques]
 

@@ -369,6 +369,31 @@ def test_for_the_least_distortion_the_sets_begin_together_and_turn(size):
             assert opposite == (angle < 30)
 
 
+@pytest.mark.parametrize("size", [0.03, 0.06, 0.1])
+def test_sets_that_begin_at_once_tell_what_each_would_tell_alone(size):
+    """How far the flux of each is off its mean. At low voltage pulses are not in the middle."""
+    law = Law(1.0)
+    cfg, state = ffi.addressof(law.cfg.positions), ffi.addressof(law.state.positions)
+    rng = np.random.default_rng(9)
+    for _ in range(20):
+        state.together = state.joined = True
+        for one in state.set:
+            one.half_d = rng.uniform(0.1, 0.4, 3).tolist()
+            one.delta = rng.uniform(-0.05, 0.05, 3).tolist()
+        v = size * np.exp(2j * np.pi * rng.random((2, 1)))
+        commands = ffi.new("ht_interleaved_command[2]", [[pair(z), [0, 1], pair(z)] for (z,) in v])
+        alone = [ffi.new("ht_interleaved_state *", state[0]) for _ in commands]
+        off = ffi.new("ht_ab[2]", [[np.nan, np.nan]] * 2)
+        pwm = ffi.new("ht_modulator_input *", [law.dead, law.six, law.period, 0])
+        told = [unwritten(f"ht_{name} *") for name in ("compare", "applied", "toggles")]
+        lib.ht_interleaved_both(cfg, state, commands, True, pwm, off, *told)
+        for a, one in enumerate(alone):
+            one.opposite = state.opposite
+            found = lib.ht_interleaved_step(cfg, one, commands + a, a, False, pwm, *told)
+            assert (off[a].alpha, off[a].beta) == (found.alpha, found.beta)
+            assert abs(complex(found.alpha, found.beta)) > 1e-5
+
+
 def turning(size):
     """A machine without torque whose voltage has this size, in units of V_dc."""
     return Machine(0.4, size * VDC * TS / 0.4)

@@ -30,7 +30,7 @@ from device import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hexatorque.firmware import lib
+from hexatorque.firmware import ffi, lib
 
 OTHER = 0x4321
 
@@ -422,3 +422,27 @@ def test_a_capture_can_trigger_on_the_loss_of_the_host():
     device.tick(40)
     assert device.service.burst.state == 5
     assert device.service.burst.tick == device.drive.snapshot.tick
+
+
+def test_what_the_receiver_has_lost_is_told_and_damages_its_frame():
+    device = Device()
+    line = device.service.setup.line
+    whole, lost_at = line.read, [2, 5]
+
+    @ffi.callback("uint16_t(void *, uint16_t *, uint16_t, bool *)")
+    def read(at, octets, n, lost):
+        came = whole(at, octets, n, lost)
+        if came and lost_at and lost_at[0] == device.now - began:
+            lost_at.pop(0)
+            lost[0] = True
+        return came
+
+    line.read = read
+    began = device.now
+    for octet in frame(device.request(STATUS)):
+        device.put(bytes([octet]))
+        device.tick()
+    device.tick(50)
+    assert device.receive() == []
+    damaged, overruns = struct.unpack_from("<II", device.ask(STATUS).payload, 4)
+    assert (damaged, overruns, lost_at) == (1, 2, [])
