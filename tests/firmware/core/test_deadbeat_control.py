@@ -95,8 +95,15 @@ def test_a_value_out_of_range_is_the_schemes_fault(part):
 
 
 @pytest.mark.parametrize("i_A", np.random.default_rng(7).uniform(-5, 5, (5, 6)).tolist())
-def test_the_law_sees_six_currents_by_the_vsd_matrix(i_A):
-    control = Control(config())
+@pytest.mark.parametrize("scheme", [lib.HT_DB_DTFC, lib.HT_DB_IPWM])
+def test_the_law_sees_six_currents_by_the_vsd_matrix(scheme, i_A):
+    cfg = config(scheme)
+    if scheme == lib.HT_DB_IPWM:
+        cfg.special, cfg.interleaved_law.deadbeat = True, cfg.deadbeat_law
+        lib.ht_interleaved_configure(
+            ffi.addressof(cfg.interleaved_law.positions), 2.0, 1 / TS, 0.0, 0.0, 0.36
+        )
+    control = Control(cfg)
     control.step(i=i_A)
     seen = control.state.observer.i_A
     np.testing.assert_allclose([seen.alpha, seen.beta], T[:2] @ i_A, atol=1e-5)
