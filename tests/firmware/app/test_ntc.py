@@ -196,6 +196,15 @@ def test_without_a_sensor_nothing_is_read_and_one_alone_does_not_need_the_other(
     assert one.c.state == "calibrate"
 
 
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("place", ("winding", "sink"))
+def test_a_sensor_of_many_times_the_pull_up_is_read_too(device, place):
+    board = Board(device, **{f"{place}_ntc_ohm": 100e3, f"{place}_ntc_K": 1500.0})
+    board.counts = [round(reading_of(70.0, 100e3, 1500.0, 4700.0))] * 2
+    board.slow_ticks(3)
+    assert board.c.channel(f"{place}_degC") == pytest.approx(70, abs=1.0)
+
+
 def reading_limit(degC, ohm, beta, cold):
     """The pull-up with which this temperature reads at an end."""
     r = ohm * np.exp(beta * (1 / (degC + 273.15) - 1 / 298.15))

@@ -48,8 +48,10 @@ def test_a_memory_with_a_wrong_bit_has_no_count(word, bit):
     assert lib.ht_reset_count(m, lib.HT_RESET_PIN).watchdogs == 0
 
 
-def test_a_memory_without_the_mark_has_no_count_even_if_its_inverse_fits():
-    m = ffi.new("ht_reset_memory *", {"word": 7, "inverse": 7 ^ 0xFFFFFFFF})
+@pytest.mark.parametrize("mark", [0x0000, 0x5A16, 0x5A18, 0xFFFF])
+def test_a_memory_without_the_mark_has_no_count_even_if_its_inverse_fits(mark):
+    word = mark << 16 | 7
+    m = ffi.new("ht_reset_memory *", {"word": word, "inverse": word ^ 0xFFFFFFFF})
     assert lib.ht_reset_count(m, lib.HT_RESET_PIN).watchdogs == 0
 
 
