@@ -253,6 +253,44 @@ def test_limits_outputs_and_losses_know_drive_and_machine(v):
     assert found == pytest.approx(wanted, rel=1e-5)
 
 
+MAGNET = {
+    "machine": "magnet", "psi_f_Wb": 0.17, "ld_H": 6.4e-3, "sigma_ls_H": 17.4e-3, "rs_ohm": 0.8,
+    "pole_pairs": 3, "emf5_share": 0.04, "emf5_deg": 30.0, "emf7_share": 0.02, "emf7_deg": -60.0,
+    "speed_trip_rpm": 700.0, "torque_limit_Nm": 9.0,
+}  # fmt: skip
+
+
+def test_the_laws_know_the_magnets():
+    made, c = control(**MAGNET)
+    m = c.observer.magnet
+    wanted = {
+        "psi_f_Wb": 0.17, "inv_psi_f": 1 / 0.17, "ld_H": 6.4e-3, "lq_H": 17.4e-3,
+        "inv_ld": 1 / 6.4e-3, "saliency_H": 6.4e-3 - 17.4e-3, "share": 1 - 17.4 / 6.4,
+        "torque_gain": 9.0,
+    }  # fmt: skip
+    assert {name: getattr(m, name) for name in wanted} == pytest.approx(wanted, rel=1e-5)
+    assert made.drive.config.protect.inv_psi_f == pytest.approx(1 / 0.17)
+
+
+def test_the_current_of_a_short_circuit_is_that_beyond_the_trip():
+    """A shaft that is 10 % faster than the trip, which makes the limit's torque across the magnets
+    or against them."""
+    made, c = control(**MAGNET)
+    omega = 1.1 * 700 * 2 * np.pi / 60 * 3
+    across_A = 9.0 / (3 * 3 * 0.17)
+    wanted = lib.ht_magnet_short_A(ffi.addressof(c.observer.magnet), 0.8, omega, across_A)
+    found = lib.ht_magnet_trip_short_A(ffi.addressof(made.drive.config.params))
+    assert found == pytest.approx(wanted, rel=1e-4)
+
+
+@pytest.mark.parametrize("degrees", ["30", "0", "60"])
+def test_sets_that_are_alike_reach_no_further_than_one_of_them(degrees):
+    """The dodecagon of sets 30 degrees apart is larger than the hexagon of each, 1/sqrt(3)."""
+    made = controller(**DEADBEAT, displacement_deg=degrees, lxy_H=0.03)
+    pu = lib.ht_control_reach_pu(ffi.addressof(made.drive.config.control))
+    assert (pu > 0.58) if degrees == "30" else (pu == pytest.approx(1 / math.sqrt(3), rel=1e-5))
+
+
 def test_what_is_not_wanted_has_no_level():
     without = dict.fromkeys(("chopper_on_V", "vdc_high_V", "vdc_low_V", "adapt_s", "fan_s"), 0.0)
     made, _ = control(**without)

@@ -321,6 +321,8 @@ MORE = {
         {"rs_tells": "resistance", "adapt_s": 0.0},
         {**MAGNET, "rs_tells": "resistance"},
     ],
+    "HEAT_AMBIENT": [{"winding_K_W": 0.5, "ambient_degC": 130.0}],
+    "DEVICE_AMBIENT": [{"device_K_W": 1.0, "device_limit_degC": 30.0}],
     "PRECHARGE": [{"precharge_V": 400.0}, {"precharge_V": 401.0}],
     "BRAKE": [
         {"brake_open_s": 0.2, "brake_Nm": 15.1},

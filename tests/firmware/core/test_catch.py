@@ -77,6 +77,19 @@ def test_the_flux_comes_to_its_reference_without_torque(shadow, omega, size, ang
     assert np.max(np.abs(torque[-100:])) < 0.02 * 0.15 * loop.largest_A
 
 
+@pytest.mark.parametrize(("shadow", "times"), [(True, 1.5), (False, 1.0)])
+@pytest.mark.parametrize("i_A", (5 + 3j, -4j, 2.0))
+def test_a_step_has_the_drop_of_the_current(shadow, times, i_A):
+    """The voltage makes up for it, in each direction. A pattern that waits for the next period
+    has half of the drop that this period takes without it, too."""
+    steps = []
+    for i in (0j, i_A):
+        loop = Loop(100.0, 0.1 + 0j, shadow)
+        loop.rotor = loop.psi - loop.sigma_ls * i
+        steps.append(loop.step(0.1))
+    assert steps[1] - steps[0] == pytest.approx(times * TS * RS * i_A, rel=1e-3, abs=1e-9)
+
+
 def test_the_direction_stays_a_direction():
     loop = Loop(2000.0, 0.1 + 0j, True)
     for _ in range(20_000):

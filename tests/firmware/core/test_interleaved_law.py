@@ -343,6 +343,23 @@ def test_positions_go_down_the_slope_of_the_ripple():
     np.testing.assert_allclose(factors, np.median(factors), rtol=0.03)
 
 
+@pytest.mark.parametrize(
+    ("together", "size", "place"),
+    [(0.0, 0.02, 1 / 8), (0.0, 0.2, 1 / 8), (1.0, 0.02, 1 / 8), (1.0, 0.2, 1 / 8), (1.0, 0.3, 0)],
+)
+def test_at_low_voltage_pulses_lie_an_eighth_of_the_carrier_early(together, size, place):
+    """So the sample is clear of them, wherever they were before. Where the sets begin together at
+    a higher voltage they lie in the middle."""
+    law, motor = Law(together), turning(size)
+    rng = np.random.default_rng(2)
+    for one in law.state.positions.set:
+        one.delta = rng.uniform(-0.05, 0.05, 3).tolist()
+    for _ in range(200):
+        pattern_of(law, motor)
+    places = [list(one.delta) for one in law.state.positions.set]
+    np.testing.assert_allclose(places, place, atol=1e-5)
+
+
 @pytest.mark.parametrize("size", [0.1, 0.25, 0.5])
 def test_for_the_least_distortion_the_sets_begin_together_and_turn(size):
     """In every second 30 degrees one rises while the other falls, as the modulator of db-dtfc has

@@ -409,6 +409,35 @@ def test_the_pull_bounds_what_a_wrong_resistance_does(machine, r_error):
     assert left == pytest.approx(expected, rel=0.02)
 
 
+def test_deadbeat_law_adds_what_the_harmonics_induce_in_xy(machine):
+    """Beside its own command, in units of the dc link's voltage."""
+    law, state = ffi.new("ht_deadbeat_law_config *"), ffi.new("ht_deadbeat_law_state *")
+    law.gain, law.xy_free_A2, law.reach_pu = 1.0, 1e6, 1.0
+    seen = ffi.new("ht_voltage_law_input *", {"vdc_V": 600.0, "rs_ohm": machine.r})
+    seen.psi_Wb = seen.rotor_Wb = pair(complex(machine.psi_f))
+    seen.psi_xy_Wb, seen.flux_ref_Wb = [1e-4, -2e-4], machine.psi_f
+    commands = []
+    for emf_V in ([0.0, 0.0], [30.0, -12.0]):
+        lib.ht_deadbeat_law_reset(state)
+        seen.emf_V = emf_V
+        v = lib.ht_deadbeat_law_step(law, observer(machine), state, seen)
+        commands.append([v.xy.x, v.xy.y])
+    assert np.subtract(*commands[::-1]) == pytest.approx([30 / 600, -12 / 600], abs=1e-6)
+    assert min(map(abs, commands[0])) > 1e-4
+
+
+@pytest.mark.parametrize("angle_deg", [0, 90, 200, 315])
+@pytest.mark.parametrize(("share", "learns"), [(0.97, True), (1.03, False)])
+def test_r_is_learnt_up_to_half_of_the_drop_in_every_direction(machine, angle_deg, share, learns):
+    cfg, i_A = observer(machine, 5.0), 4.0
+    state = ffi.new("ht_observer_state *")
+    state.rs_ohm, state.i_A = machine.r, pair(i_A * np.exp(1j * np.deg2rad(angle_deg)))
+    state.omega_sync_rad_s = share * 0.5 * machine.r * i_A / machine.psi_f
+    state.gap_Wb = pair(0.01 * np.exp(1j * np.deg2rad(angle_deg)))
+    lib.ht_magnet_adapt(cfg, state, 0.1)
+    assert (abs(state.rs_ohm / machine.r - 1) > 1e-5) == learns
+
+
 def test_deadbeat_law_has_the_torque_after_one_period(machine):
     """On the exact machine at standstill, where the voltage reaches: torque steps both ways, with
     the flux of the least current."""

@@ -57,6 +57,14 @@ def test_reach_is_the_circle_inside_the_polygon_of_mean_vectors(name):
     assert ROWS[name].reach_pu == pytest.approx(edges.min(), abs=1e-6)
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_only_interleaved_sets_have_a_ripple_in_xy_that_is_reckoned_with(name):
+    row = ROWS[name]
+    interleaved = row.vectors == lib.HT_VECTORS_INTERLEAVED
+    assert (lib.ht_scheme_xy_ripple_pu(row) > 0) == interleaved
+    assert lib.ht_scheme_xy_ripple_pu(row) >= 0
+
+
 #: Vectors, their group, levels of the torque comparator, and whether x-y is regulated.
 OF_THE_PAPERS = {
     "dtc1": (lib.HT_VECTORS_SINGLE, lib.HT_L, 3, False),

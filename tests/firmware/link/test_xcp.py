@@ -106,7 +106,26 @@ def test_an_unknown_command_is_told_so(device, opcode):
 
 @pytest.mark.parametrize(
     "packet",
-    [b"\xf6\0\0\0\0\x10\0", b"\xf4\4\0\0\0\x10\0", b"\xf0\4\0\0\0", b"\xe1\xff\4\0\0\x10\0"],
+    [
+        b"\xf6\0\0\0\0\x10\0",
+        b"\xf4\4\0\0\0\x10\0",
+        b"\xf0\4\0\0\0",
+        b"\xe1\xff\4\0\0\x10\0",
+        # An octet less than ASAM's table has, of commands that take a list, an event or a page.
+        b"\xe8\0\0\0",
+        b"\xe7\0\0",
+        b"\xe3\0\0",
+        b"\xe2\0\0\0\0",
+        b"\xe1" + bytes(6),
+        b"\xe0" + bytes(6),
+        b"\xdf\0\0",
+        b"\xde\0\0",
+        b"\xdd",
+        b"\xd7\0\0",
+        b"\xd5\0\0",
+        b"\xd4" + bytes(3),
+        b"\xd3" + bytes(4),
+    ],
 )
 def test_a_packet_that_is_too_short_has_a_wrong_syntax(device, packet):
     assert Master(device).answer(packet) == bytes([ERR, SYNTAX])
