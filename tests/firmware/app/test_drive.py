@@ -2222,6 +2222,54 @@ def test_the_flux_of_the_magnets_is_learnt_in_the_slow_interrupt(
     assert (abs(observer.more_Wb - before) > 1e-6) == learns
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("share", [0.3, 0.85])
+def test_the_torque_limit_of_magnets_is_the_largest_whose_own_flux_lets_it_be(magnets, sign, share):
+    """By bisection: driving takes voltage, which leaves less flux. Braking counts on none."""
+    most_Nm = 12.0
+    bench = magnets(table="45/135", field_weakening="on", torque_limit_Nm=most_Nm, i_rated_A=6.0)
+    caught(bench, share)
+    drive = bench.drive
+    c, m = drive.config, ffi.addressof(drive.config.control.observer.magnet)
+    drive.torque_ref_Nm = 3.0 * sign
+    bench.slow()
+    i_A = lib.ht_derated_most_A(ffi.addressof(c.derating), ffi.NULL, measured(bench).vdc_V, PSI_F)
+    reach_V = c.flux.reach_pu * measured(bench).vdc_V
+    rs_ohm = drive.control.observer.rs_ohm
+    omega = drive.control.observer.omega_sync_rad_s
+
+    def holds(torque_Nm):
+        turned_Wb = lib.ht_magnet_turned_Wb(
+            reach_V, omega, rs_ohm, torque_Nm if sign > 0 else 0.0, m.torque_gain
+        )
+        return lib.ht_magnet_most_Nm(m, i_A, min(turned_Wb, SETUP["flux_ref_Wb"])) >= torque_Nm
+
+    limits = np.linspace(0, most_Nm, 2001)
+    largest_Nm = max(limit for limit in limits if holds(limit))
+    assert drive.torque_limit_Nm == pytest.approx(largest_Nm, abs=most_Nm / 250)
+
+
+@pytest.mark.parametrize("zero_deg", [-150.0, -0.5, 0.0, 40.0, 170.0])
+def test_a_known_rotor_begins_at_the_angle_that_the_parameter_tells(magnets, zero_deg):
+    bench = magnets(rotor_zero_deg=zero_deg)
+    bench.run_to("build")
+    whole = bench.drive.config.alignment.counts_rev
+    turned = bench.drive.rotor.electrical / whole * 360.0
+    assert (turned - zero_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_start_waits_four_slow_interrupts_for_an_absolute_encoder(magnets):
+    """These boards read none."""
+    bench = magnets(rotor_start="absolute", absolute_counts_rev=4096.0)
+    bench.controller.start()
+    ticks = 0
+    while bench.state == "calibrate":
+        bench.fast()
+        ticks += 1
+    assert ["absolute" in fault for fault in bench.controller.faults] == [True]
+    assert ticks == pytest.approx(4 * SETUP["f_isr_Hz"] / SETUP["f_slow_Hz"], abs=2)
+
+
 def test_without_weakening_the_voltage_limits_no_torque_of_magnets(magnets):
     """The parameter does, and with weakening the power that the law makes of the link."""
     limits_Nm = {}
@@ -2235,6 +2283,59 @@ def test_without_weakening_the_voltage_limits_no_torque_of_magnets(magnets):
 
 
 # --- limits and ramps -----------------------------------------------------------
+
+
+@pytest.mark.parametrize("volts", [150.1, 170.0, 201.0, 250.0, 318.0, 325.0, 340.0])
+def test_the_dc_links_levels_limit_the_torque_in_the_fast_interrupt(volts):
+    """By the law of the link, and only beyond the bands."""
+    bench = Bench(vdc_low_V=200.0, vdc_high_V=320.0, vdc_band_V=10.0)
+    bench.run_to("run")
+    turn(bench, 500)
+    bench.vdc, acts = volts, set()
+    for wanted_Nm in (4.0, -4.0):
+        bench.follow_flux()
+        bench.drive.torque_ref_Nm = wanted_Nm
+        bench.fast()
+        assert bench.state == "run"
+        drive, link = bench.drive, ffi.addressof(bench.drive.config.vdc)
+        expected_Nm = wanted_Nm
+        if not 210.0 <= volts <= 310.0:
+            expected_Nm = lib.ht_vdc_torque_Nm(
+                link, wanted_Nm, drive.torque_limit_Nm, drive.speed_rpm * np.pi / 30,
+                drive.vdc_from_rpm * np.pi / 30, measured(bench).vdc_V,
+            )  # fmt: skip
+            expected_Nm = max(expected_Nm, drive.torque_least_Nm)
+        assert measured(bench).torque_ref_Nm == pytest.approx(expected_Nm, abs=0.02)
+        acts.add(abs(expected_Nm - wanted_Nm) > 0.1)
+    assert (True in acts) == (not 210.0 <= volts <= 310.0)
+
+
+@pytest.mark.parametrize("state", ["build", "run"])
+def test_the_brake_opens_in_run_alone(state):
+    bench = Bench(brake_open_s=0.02, brake_Nm=0.0)
+    bench.run_to(state)
+    opened = False
+    for _ in range(20):
+        bench.slow()
+        opened = opened or bool(bench.drive.outputs.on & lib.HT_OUT_BRAKE)
+    assert bench.state == state
+    assert opened == (state == "run")
+
+
+def test_the_rotors_loss_heats_the_frame():
+    """3 R_r (L_m/L_r)^2 i^2 in RUN. The current across a rotor flux psi is T/(3 P psi). It counts
+    as a tenth of its reference at least, as here, where there is none."""
+    bench = Bench(winding_K_W=0.4, winding_s=45.0, frame_K_W=0.25, control_mode="torque")
+    bench.run_to("run").follow_flux()
+    drive = bench.drive
+    drive.torque_ref_Nm = 5.0
+    rotor_Wb = 0.1 * SETUP["flux_ref_Wb"]
+    i_A = 5.0 / (3 * SETUP["pole_pairs"] * rotor_Wb)
+    before_W = drive.heat.frame_sum_W
+    bench.slow()
+    rotor_ohm = SETUP["rr_ohm"] * (SETUP["lm_H"] / SETUP["lr_H"]) ** 2
+    found_W = drive.heat.frame_sum_W - before_W
+    assert found_W == pytest.approx(3 * rotor_ohm * i_A**2, rel=0.1)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

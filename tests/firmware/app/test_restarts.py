@@ -196,3 +196,15 @@ def test_the_quiet_time_ends_at_65535_seconds():
     for expected in (0xFFFF, 0xFFFF):
         bench.wait(1.05)
         assert bench.drive.quiet_s == expected
+
+
+@pytest.mark.parametrize(
+    ("most", "waits"), [(4, False), (3, True), (2, True), (1, True), (0, False)]
+)
+def test_a_limit_that_changes_counts_the_trips_that_there_were(most, waits):
+    bench = Bench(restart_count=9, restart_wait_s=60.0)
+    for _ in range(3):
+        assert bench.start() == lib.HT_OK
+        bench.trip()
+    bench.controller.set("restart_count", most)
+    assert bench.start() == (lib.HT_ERROR_RESTART if waits else lib.HT_OK)

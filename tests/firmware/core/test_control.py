@@ -868,6 +868,23 @@ def test_a_loss_corrects_the_flux_by_the_voltage_that_was_missing(leg, found):
     np.testing.assert_allclose([psi.alpha, psi.beta], wanted, atol=1e-6)
 
 
+def test_a_loss_of_a_set_corrects_the_flux_along_both_axes():
+    drive = Drive(config())
+    drive.state.observer.psi_Wb = [0.3, -0.2]
+    drive.state.leg_loss.found = 3
+    drive.state.leg_loss.sum_V = [50.0, -30.0]
+    assert lib.ht_control_lose(drive.cfg, drive.state, 0b101010, 0.0)
+    lost = drive.state.lost
+    assert lost.axes == 2
+    wanted = np.array([0.3, -0.2])
+    for axis in lost.axis:
+        missing = TS * np.dot([axis.b.x, axis.b.y], [50.0, -30.0])
+        wanted += missing * np.array([axis.a.alpha, axis.a.beta])
+        assert abs(missing) > 1e-4
+    psi = drive.state.observer.psi_Wb
+    np.testing.assert_allclose([psi.alpha, psi.beta], wanted, atol=1e-6)
+
+
 def test_what_is_learnt_of_the_inductance_stays_without_a_leg_until_the_next_start():
     """The machine is the same."""
     drive = Drive(config())
