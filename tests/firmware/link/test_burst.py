@@ -298,6 +298,8 @@ def test_a_capture_is_uploaded_sample_for_sample():
             break
         device.tick(5)
     assert (state, number, prescaler, samples, before) == (COMPLETE, 1, 1, 150, 60)
+    listed = device.done(CAPTURE).payload[20:]
+    assert listed == struct.pack("<3H", *(CHANNELS[name] for name in names))
     wanted = np.float32([seen[tick - 60 + k] for k in range(150)])
     assert (wanted[:60, 0] <= 2.0).all()
     assert wanted[60, 0] > 2.0
