@@ -3,6 +3,7 @@ compiled callers, and a `Controller` for each simulated drive."""
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -151,7 +152,9 @@ class Parameter:
             number = float(value)
         except OverflowError:  # a whole number beyond all others
             number = math.inf if value > 0 else -math.inf
-        if not self.min <= number <= self.max or (self.whole and number % 1 != 0):
+        # As the drive has them: a limit that is read back may have become a little less.
+        kept, least, most = (ctypes.c_float(one).value for one in (number, self.min, self.max))
+        if not least <= kept <= most or (self.whole and number % 1 != 0):
             unit = f" {self.unit}" if self.unit else ""
             whole = ", whole numbers only" if self.whole else ""
             raise FirmwareError(

@@ -2251,11 +2251,25 @@ def test_the_torque_limit_of_magnets_is_the_largest_whose_own_flux_lets_it_be(ma
 
 @pytest.mark.parametrize("zero_deg", [-150.0, -0.5, 0.0, 40.0, 170.0])
 def test_a_known_rotor_begins_at_the_angle_that_the_parameter_tells(magnets, zero_deg):
-    bench = magnets(rotor_zero_deg=zero_deg)
+    bench = magnets(rotor_zero_deg=zero_deg, encoder_counts_rev=10000.0)
     bench.run_to("build")
     whole = bench.drive.config.alignment.counts_rev
     turned = bench.drive.rotor.electrical / whole * 360.0
     assert (turned - zero_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("rpm", [0, 1000])
+def test_a_known_rotor_is_looked_up_again_at_each_start(magnets, rpm):
+    """Whatever was believed while the gates were off, and of a shaft that is caught, too."""
+    angles = []
+    for off in (0, 1234):
+        bench = magnets()
+        turn(bench, rpm)
+        bench.drive.rotor.electrical += off
+        bench.run_to("build")
+        assert bench.drive.catches == (rpm > 0)
+        angles.append(bench.drive.rotor.electrical)
+    assert angles[0] == angles[1]
 
 
 def test_a_start_waits_four_slow_interrupts_for_an_absolute_encoder(magnets):

@@ -250,6 +250,25 @@ def test_the_end_of_the_told_range_is_taken(name, key):
     Controller("f28377s", {**changes, key: float(end[1])})
 
 
+@pytest.mark.parametrize("row", parameters().values(), ids=lambda row: row.name)
+def test_a_limit_that_the_drive_tells_is_taken_again(row):
+    """It keeps a float, which may be a little beyond the table's decimal number."""
+    for end, beyond in ((row.min, -np.inf), (row.max, np.inf)):
+        kept = np.float32(end)
+        assert row.parse(row.show(float(kept))) == kept
+        if not row.choices:
+            with pytest.raises(FirmwareError, match=f"{row.name} = .*: allowed range is"):
+                row.parse(float(np.nextafter(kept, np.float32(beyond))))
+
+
+def test_a_misfit_is_told_beside_a_parameter_at_its_limit():
+    """The told range is found by the drive's own values."""
+    changes, text = CASES["CEILING"]
+    with pytest.raises(FirmwareError) as error:
+        Controller("f28377s", {**changes, "build_s": 0.01})
+    assert text in str(error.value)
+
+
 def test_a_demand_that_no_value_meets_names_the_other_parameter():
     """6000 s of stop_s, whose range ends at 3600 s."""
     with pytest.raises(FirmwareError, match="no value in its range is enough, change ramp_down"):

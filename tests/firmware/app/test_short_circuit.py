@@ -101,6 +101,9 @@ def test_the_steps_of_its_rise_do_not_count():
         assert case.st.square_A2 == 0 and case.st.cross_A2 == 0
     case.step(CEILING, i_A=30.0)
     assert case.st.square_A2 > 0 and case.st.cross_A2 > 0
+    lib.ht_short_circuit_ends(case.st)
+    case.begun(CEILING)
+    assert case.st.square_A2 == 0 and case.st.cross_A2 == 0, "nothing is left of the one before"
 
 
 def test_an_encoder_that_stops_is_remembered():

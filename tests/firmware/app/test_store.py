@@ -187,6 +187,14 @@ def test_a_copy_is_what_its_definition_says(present):
     assert bytes(areas[: len(made)]) == made
 
 
+def test_the_tables_version_is_a_sum_of_what_gives_values_their_meaning(present):
+    told = b""
+    for id in range(lib.ht_param_count()):
+        row = lib.ht_param_describe(id)
+        told += b"".join(ffi.string(text) + b"\0" for text in (row.name, row.unit, row.choices))
+    assert present[1] == zlib.crc32(told)
+
+
 def test_a_set_of_another_firmware_is_not_taken(present):
     values, table, _ = present
     for other in (
@@ -241,6 +249,23 @@ def test_of_two_copies_the_later_one_counts(present):
                                  (0, 2**32 - 1, SAVED), (0, 2**31, SAVED)):  # fmt: skip
         areas = areas_with(copy(values, table, first), copy(newer, table, second))
         assert what_counts(areas) == (taken, "saved")
+
+
+@pytest.mark.parametrize(
+    ("sequences", "latest"),
+    [((7, 3), 7), ((3, 7), 7), ((8, 7), 8), ((7, 8), 8), ((2**32 - 1, 5), 5), ((None, 7), 7)],
+)
+def test_a_save_is_later_than_both_copies(present, sequences, latest):
+    """Else the one that it replaces would count after a power failure between its two writes."""
+    values, table, _ = present
+    made = [b"" if n is None else copy(values, table, n) for n in sequences]
+    memory = Memory(areas_with(*made))
+    controller = started(memory)
+    controller.set("rs_ohm", NEW)
+    assert lib.ht_store_save(memory.handle, controller.drive) == lib.HT_OK
+    places = (12, Memory.AREA + 12)
+    found = {struct.unpack_from("<I", memory.areas, place)[0] for place in places}
+    assert found == {latest + 1}
 
 
 def test_a_memory_that_is_too_small_is_none():

@@ -109,6 +109,25 @@ def test_the_law_sees_six_currents_by_the_vsd_matrix(scheme, i_A):
     np.testing.assert_allclose([seen.alpha, seen.beta], T[:2] @ i_A, atol=1e-5)
 
 
+def test_the_law_knows_the_resistance_in_use():
+    """Not the configured one. The voltage has the drop of the next period, and makes up for that
+    of this one, in which the flux falls behind."""
+    i, rotor = 2.0 - 1.0j, 0.4 + 0j
+    psi = rotor + 0.028 * i
+    made = []
+    for rs_ohm in (2.0, 12.0):
+        control = Control(config(dead_pu=0.0))
+        observer = control.state.observer
+        observer.psi_Wb = control.state.estimate.psi_Wb = [psi.real, psi.imag]
+        # The drop of the period that ended is none: the current was the opposite at its begin.
+        observer.rs_ohm, observer.i_A = rs_ohm, [-i.real, -i.imag]
+        torque = 3.0 * (np.conj(psi) * i).imag
+        control.step(3 * T.T @ [i.real, i.imag, 0.0, 0.0], torque, abs(psi))
+        v = control.state.next.mean_pu.ab
+        made.append(complex(v.alpha, v.beta) * VDC)
+    assert (made[1] - made[0]) / 10.0 == pytest.approx(2 * i, rel=0.1)
+
+
 def test_flux_is_the_volt_seconds_of_the_registers_also_over_changes_of_the_law():
     """Without resistance and dead time, flux is nothing but what the registers say. A change of
     the law must not lose or double a period: the pattern in the registers goes out yet."""
