@@ -2320,8 +2320,11 @@ def test_the_dc_links_levels_limit_the_torque_in_the_fast_interrupt(volts):
             )  # fmt: skip
             expected_Nm = max(expected_Nm, drive.torque_least_Nm)
         assert measured(bench).torque_ref_Nm == pytest.approx(expected_Nm, abs=0.02)
-        acts.add(abs(expected_Nm - wanted_Nm) > 0.1)
-    assert (True in acts) == (not 210.0 <= volts <= 310.0)
+        if abs(expected_Nm - wanted_Nm) > 0.1:
+            acts.add(drive.vdc_acts)
+        drive.vdc_acts = 0
+    low = lib.HT_LIMIT_VDC_LOW if volts < 210.0 else 0
+    assert acts == ({lib.HT_LIMIT_VDC_HIGH} if volts > 310.0 else {low} if low else set())
 
 
 @pytest.mark.parametrize("state", ["build", "run"])
@@ -2334,6 +2337,18 @@ def test_the_brake_opens_in_run_alone(state):
         opened = opened or bool(bench.drive.outputs.on & lib.HT_OUT_BRAKE)
     assert bench.state == state
     assert opened == (state == "run")
+
+
+@pytest.mark.parametrize(("least_loss", "falls"), [("on", True), ("off", False)])
+def test_at_light_load_the_flux_of_least_loss_is_less(least_loss, falls):
+    bench = Bench(flux_least_loss=least_loss, flux_wait_s=0.05)
+    bench.run_to("run")
+    for _ in range(100):
+        bench.fast()
+        bench.follow_flux()
+        bench.slow()
+    assert bench.state == "run"
+    assert (bench.drive.flux_ref_Wb < 0.9 * SETUP["flux_ref_Wb"]) == falls
 
 
 def test_the_rotors_loss_heats_the_frame():

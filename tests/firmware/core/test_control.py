@@ -251,6 +251,24 @@ def xy_harmonics(scheme, emf, sense=1, periods=3000):
     return found / periods, first
 
 
+@pytest.mark.parametrize("induced", [(0.1, -0.2), (-0.05, 0.02), (0.9, -0.9)])
+def test_a_regulated_table_adds_what_is_induced_within_its_limit(induced):
+    """Without a current in x-y there is nothing else."""
+    drive = config("ddr")
+    limit = drive.table_law.xy_limit_pu
+    told = ffi.new("ht_induced *", {"v_pu": list(induced), "omega_rad_s": 100.0})
+    decided = ffi.new("ht_estimate *", {"psi_Wb": [0.4, 0.0]})
+    seen = ffi.new("ht_vector_law_input *", {
+        "decided": decided, "psi_xy_Wb": ffi.new("ht_xy *"), "torque_ref_Nm": 5.0,
+        "flux_ref_Wb": 0.5, "induced": told, "sector": lib.ht_sector([0.4, 0.0]),
+    })  # fmt: skip
+    state, command = ffi.new("ht_table_law_state *"), ffi.new("ht_xy *")
+    lib.ht_table_law_reset(state)
+    law = ffi.addressof(drive, "table_law")
+    lib.ht_table_law_step(law, state, seen, command, ffi.new("uint16_t[3]"))
+    assert [command.x, command.y] == pytest.approx(np.clip(induced, -limit, limit), abs=1e-6)
+
+
 @pytest.mark.parametrize("scheme", ("ddr", "fdr"))
 def test_with_magnets_the_order_of_a_virtual_vector_follows_the_rotation(scheme):
     """In x-y the vector before the middle one lies at -150 degrees from it, and the one behind at

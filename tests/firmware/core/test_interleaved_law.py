@@ -386,6 +386,19 @@ def test_for_the_least_distortion_the_sets_begin_together_and_turn(size):
             assert opposite == (angle < 30)
 
 
+def test_the_steady_voltage_is_that_of_set_1():
+    law = Law()
+    cfg, state = ffi.addressof(law.cfg.positions), ffi.addressof(law.state.positions)
+    pwm = ffi.new("ht_modulator_input *", [law.dead, law.six, law.period, 0])
+    kept = []
+    for n, v in enumerate((0.3, 0.2j, -0.4 + 0j, 0.1j)):
+        command = ffi.new("ht_interleaved_command *", [pair(v + 0j), [0, 1], pair(v + 0j)])
+        told = [unwritten(f"ht_{name} *") for name in ("compare", "applied", "toggles")]
+        lib.ht_interleaved_step(cfg, state, command, n % 2, n == 0, pwm, *told)
+        kept.append(complex(state.steady_pu.alpha, state.steady_pu.beta))
+    assert kept == pytest.approx([0.3, 0.3, -0.4, -0.4])
+
+
 @pytest.mark.parametrize("size", [0.03, 0.06, 0.1])
 def test_sets_that_begin_at_once_tell_what_each_would_tell_alone(size):
     """How far the flux of each is off its mean. At low voltage pulses are not in the middle."""

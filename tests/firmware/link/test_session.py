@@ -168,6 +168,7 @@ def test_a_session_without_requests_ends(watchdog_ms):
 def test_a_watchdog_of_no_time_has_a_millisecond():
     """0 ms must neither wrap round to 120 hours nor leave a drive without a watchdog."""
     device = Device(session=False, watchdog_ms=0)
+    assert device.service.setup.watchdog_ms == 1
     assert device.ask(OPEN, nonce(NONCE)).status == DONE
     device.tick(30)
     assert device.service.session == NONCE
