@@ -2276,12 +2276,10 @@ def test_a_start_waits_four_slow_interrupts_for_an_absolute_encoder(magnets):
     """These boards read none."""
     bench = magnets(rotor_start="absolute", absolute_counts_rev=4096.0)
     bench.controller.start()
-    ticks = 0
-    while bench.state == "calibrate":
-        bench.fast()
-        ticks += 1
+    due = round(4 * SETUP["f_isr_Hz"] / SETUP["f_slow_Hz"])
+    ticks = next(n for n in range(2 * due) if bench.fast() or bench.state != "calibrate")
     assert ["absolute" in fault for fault in bench.controller.faults] == [True]
-    assert ticks == pytest.approx(4 * SETUP["f_isr_Hz"] / SETUP["f_slow_Hz"], abs=2)
+    assert ticks == pytest.approx(due, abs=2)
 
 
 def test_without_weakening_the_voltage_limits_no_torque_of_magnets(magnets):
@@ -2294,6 +2292,19 @@ def test_without_weakening_the_voltage_limits_no_torque_of_magnets(magnets):
         limits_Nm[weakening] = bench.drive.torque_limit_Nm
     assert limits_Nm["off"] == 12.0
     assert limits_Nm["on"] < 9.0
+
+
+@pytest.mark.parametrize("most_V", [300.0, 400.0, 0.95 * VDC_FULL])
+def test_the_dc_links_comparator_trips_above_the_level_or_at_full_scale(most_V):
+    """By its share of half of the range and a count."""
+    bench = Bench("f28377s", vdc_max_V=most_V, comparator_above_pu=0.1)
+    bench.run_to("build")
+    level = int(
+        bench.words[0x5C80 + 3 * 0x20 + 0x06]
+    )  # CMPSS4, DACHVALS: of 3.3 V, the pin has 3 V
+    counts = level / 4096 * 3.3 / 3.0 * 4096
+    wanted = min(most_V / VDC_FULL * 4096 + 0.1 * 2048 + 1, 4096)
+    assert counts == pytest.approx(wanted, abs=4)
 
 
 # --- limits and ramps -----------------------------------------------------------

@@ -502,6 +502,37 @@ def test_predicted_xy_flux_is_that_of_the_next_pattern(scheme):
         np.testing.assert_allclose([got.x, got.y], want, atol=1e-6)
 
 
+@pytest.mark.parametrize("scheme", ("dtc2", "dtc3"))
+def test_predicted_xy_flux_of_magnets_lacks_what_they_induce_in_the_middle(scheme):
+    """Of the period that comes, whose begin the sample is."""
+    omega = 900.0
+    cfg = config(scheme, dead__dead_pu=0.0, special=True)
+    cfg.observer.rotor = lib.HT_ROTOR_MAGNET
+    m = cfg.observer.magnet
+    m.psi_f_Wb, m.inv_psi_f, m.ld_H, m.lq_H, m.inv_ld = 0.2, 5.0, 0.028, 0.028, 1 / 0.028
+    m.emf5_Wb, m.emf7_Wb = [0.03, 0.01], [0.0, -0.01]
+    drive = Drive(cfg)
+    i = T.T @ [3.0, 1.5, 0.9, -0.6]
+    inputs = ffi.new(
+        "ht_control_input *", {"vdc_V": VDC, "flux_ref_Wb": 0.2, "turn_rad": omega * TS}
+    )
+    inputs.inv_flux_ref2, inputs.i_A.p = 25.0, list(3 * i)
+    for n in range(12):
+        axis = np.exp(1j * (0.3 + n * omega * TS))
+        inputs.axis, inputs.torque_ref_Nm = [axis.real, axis.imag], 0.5 * (-1) ** n
+        drive.state.observer.omega_sync_rad_s = omega
+        coming = drive.state.next
+        t = [0, *list(coming.t)[1:], 1]
+        mean = np.diff(t) @ np.array([vector(w)[2:] for w in coming.s])
+        lib.ht_control_step(cfg, drive.state, inputs, False, drive.out)
+        middle = axis * np.exp(0.5j * drive.state.observer.omega_sync_rad_s * TS)
+        e = lib.ht_magnet_induced_V(ffi.addressof(m), [middle.real, middle.imag], omega)
+        i_xy = 3 * T[2:] @ i
+        want = 0.0144 * i_xy + TS * (VDC * mean - [e.x, e.y] - 6.0 * i_xy)
+        got = drive.state.psi_xy_Wb
+        np.testing.assert_allclose([got.x, got.y], want, atol=1e-5)
+
+
 def test_without_prediction_the_decision_uses_the_estimate():
     drive = Drive(config("fdr", predict=False))
     drive.currents = [0.0] * 6

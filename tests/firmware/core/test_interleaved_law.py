@@ -386,6 +386,32 @@ def test_for_the_least_distortion_the_sets_begin_together_and_turn(size):
             assert opposite == (angle < 30)
 
 
+@pytest.mark.parametrize("size", [0.37, 0.42])
+def test_the_laws_positions_go_down_the_slope_in_the_middle_of_the_half(size):
+    """The torque is the flux across the rotor's there, a period after the half's begin."""
+    law, motor, factors = Law(f_isr_Hz=1600.0), turning(size), []
+    for n in range(700):
+        state = law.state.positions
+        a, k = state.quarter & 1, state.turn
+        delta = [list(one.delta) for one in state.set]
+        quad = 1j * motor.rotor / abs(motor.rotor) * np.exp(1j * motor.turn)
+        pattern_of(law, motor)
+        moved = state.set[a].delta[k] - delta[a][k]
+        d = [[2 * half for half in one.half_d] for one in state.set]
+        free = abs(state.set[a].delta[k]) < 0.44 * min(d[a][k], 1 - d[a][k])
+        if n < 100 or not free or not 1e-4 < abs(moved) < 0.95 * law.cfg.positions.cap:
+            continue
+        near = []
+        for shift in (1e-3, -1e-3):
+            changed = [list(row) for row in delta]
+            changed[a][k] += shift
+            near.append(cost(d, changed, quad))
+        factors.append(-moved / ((near[0] - near[1]) / 2e-3))
+    assert len(factors) > 200
+    ends = np.percentile(factors, [5, 95])
+    np.testing.assert_allclose(ends, np.median(factors), rtol=0.01)
+
+
 def test_the_steady_voltage_is_that_of_set_1():
     law = Law()
     cfg, state = ffi.addressof(law.cfg.positions), ffi.addressof(law.state.positions)
