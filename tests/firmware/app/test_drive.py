@@ -2299,9 +2299,7 @@ def test_the_dc_links_comparator_trips_above_the_level_or_at_full_scale(most_V):
     """By its share of half of the range and a count."""
     bench = Bench("f28377s", vdc_max_V=most_V, comparator_above_pu=0.1)
     bench.run_to("build")
-    level = int(
-        bench.words[0x5C80 + 3 * 0x20 + 0x06]
-    )  # CMPSS4, DACHVALS: of 3.3 V, the pin has 3 V
+    level = int(bench.words[0x5C80 + 3 * 0x20 + 0x06])  # CMPSS4: DACHVALS, of 3.3 V
     counts = level / 4096 * 3.3 / 3.0 * 4096
     wanted = min(most_V / VDC_FULL * 4096 + 0.1 * 2048 + 1, 4096)
     assert counts == pytest.approx(wanted, abs=4)
@@ -2334,8 +2332,8 @@ def test_the_dc_links_levels_limit_the_torque_in_the_fast_interrupt(volts):
         if abs(expected_Nm - wanted_Nm) > 0.1:
             acts.add(drive.vdc_acts)
         drive.vdc_acts = 0
-    low = lib.HT_LIMIT_VDC_LOW if volts < 210.0 else 0
-    assert acts == ({lib.HT_LIMIT_VDC_HIGH} if volts > 310.0 else {low} if low else set())
+    low, high = volts < 210.0, volts > 310.0
+    assert acts == set(low * [lib.HT_LIMIT_VDC_LOW] + high * [lib.HT_LIMIT_VDC_HIGH])
 
 
 @pytest.mark.parametrize("state", ["build", "run"])

@@ -104,28 +104,18 @@ def test_an_unknown_command_is_told_so(device, opcode):
     assert Master(device).code("BQ", opcode, 0) == UNKNOWN
 
 
+#: Of commands that take a list, an event or a page: an octet less than ASAM's table has behind the
+#: first one.
+TOO_FEW = {
+    0xE8: 3, 0xE7: 2, 0xE3: 2, 0xE2: 4, 0xE1: 6, 0xE0: 6, 0xDF: 2, 0xDE: 2, 0xDD: 0, 0xD7: 2,
+    0xD5: 2, 0xD4: 3, 0xD3: 4,
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
     "packet",
-    [
-        b"\xf6\0\0\0\0\x10\0",
-        b"\xf4\4\0\0\0\x10\0",
-        b"\xf0\4\0\0\0",
-        b"\xe1\xff\4\0\0\x10\0",
-        # An octet less than ASAM's table has, of commands that take a list, an event or a page.
-        b"\xe8\0\0\0",
-        b"\xe7\0\0",
-        b"\xe3\0\0",
-        b"\xe2\0\0\0\0",
-        b"\xe1" + bytes(6),
-        b"\xe0" + bytes(6),
-        b"\xdf\0\0",
-        b"\xde\0\0",
-        b"\xdd",
-        b"\xd7\0\0",
-        b"\xd5\0\0",
-        b"\xd4" + bytes(3),
-        b"\xd3" + bytes(4),
-    ],
+    [b"\xf6\0\0\0\0\x10\0", b"\xf4\4\0\0\0\x10\0", b"\xf0\4\0\0\0", b"\xe1\xff\4\0\0\x10\0"]
+    + [bytes([opcode]) + bytes(n) for opcode, n in TOO_FEW.items()],
 )
 def test_a_packet_that_is_too_short_has_a_wrong_syntax(device, packet):
     assert Master(device).answer(packet) == bytes([ERR, SYNTAX])
